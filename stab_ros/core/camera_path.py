@@ -1,0 +1,105 @@
+"""A pinhole camera over the plane z = 0 and the path it flies: the exact homography of every frame.
+
+World: x to the right and y to the lower edge of a nominal picture, z into the ground, metres; the camera stands at
+z = -height and looks down. Its own axes are x right, y down, z along the view, so that pose zero sees the ground upright.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from stab_ros.core.types import FloatArray, Homography
+
+# a coordinate sways by three waves: frequency and amplitude beside the named ones
+_WAVES = ((1.0, 1.0), (2.3, 0.3), (5.9, 0.06))
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where the camera is (m) and how it is turned (degrees) about its view axis, its x axis and its y axis."""
+
+    x_m: float = 0.0
+    y_m: float = 0.0
+    height_m: float = 0.0
+    yaw_deg: float = 0.0
+    pitch_deg: float = 0.0
+    roll_deg: float = 0.0
+
+    def __add__(self, other: Pose) -> Pose:
+        return Pose(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(Pose)))
+
+    def __mul__(self, factor: float) -> Pose:
+        return Pose(*(getattr(self, f.name) * factor for f in fields(Pose)))
+
+
+@dataclass(frozen=True)
+class Gust:
+    """A sudden move: by `move`, from `start_s` on, smoothly over `duration_s`."""
+
+    start_s: float
+    duration_s: float
+    move: Pose
+
+    def at(self, time_s: float) -> Pose:
+        done = min(max((time_s - self.start_s) / self.duration_s, 0.0), 1.0)
+        return self.move * (done * done * (3 - 2 * done))
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How a hovering camera moves: a steady `drift_per_s`, a `sway` of given amplitude about `sway_hz`, and gusts."""
+
+    sway: Pose
+    sway_hz: float
+    drift_per_s: Pose = Pose()
+    gusts: tuple[Gust, ...] = ()
+
+    def at(self, time_s: float, seed: int) -> Pose:
+        """The departure from the nominal pose; `seed` chooses the phases."""
+        moved = self.drift_per_s * time_s + self._sway(time_s, seed)
+        for gust in self.gusts:
+            moved = moved + gust.at(time_s)
+        return moved
+
+    def _sway(self, time_s: float, seed: int) -> Pose:
+        names = [f.name for f in fields(Pose)]
+        phases = np.random.default_rng([seed, 1]).uniform(0, 2 * math.pi, (len(names), len(_WAVES)))
+        spread = np.random.default_rng([seed, 2]).uniform(0.8, 1.25, len(names))  # no two coordinates in step
+        values = []
+        for name, phase, own in zip(names, phases, spread, strict=True):
+            angle = 2 * math.pi * self.sway_hz * own * time_s
+            wave = sum(a * math.sin(f * angle + p) for (f, a), p in zip(_WAVES, phase, strict=True))
+            values.append(getattr(self.sway, name) * wave)
+        return Pose(*values)
+
+
+@dataclass(frozen=True)
+class PinholeCamera:
+    """size: width, height, px. focal_px: focal length. The principal point is the centre of the picture."""
+
+    size: tuple[int, int]
+    focal_px: float
+
+    @property
+    def K(self) -> FloatArray:
+        width, height = self.size
+        return np.array([[self.focal_px, 0, (width - 1) / 2], [0, self.focal_px, (height - 1) / 2], [0, 0, 1.0]])
+
+    def image_H_plane(self, pose: Pose) -> Homography:
+        """Maps a ground point (x, y), m, to the pixel that sees it: K R [e1 e2 -C]."""
+        centre = np.array([pose.x_m, pose.y_m, -pose.height_m])
+        return np.asarray(self.K @ _rotation(pose) @ np.column_stack([np.eye(3)[:, :2], -centre]))
+
+
+def _rotation(pose: Pose) -> FloatArray:
+    """(3, 3), from world to camera axes: yaw about the view axis first, then pitch about x, then roll about y."""
+    (cy, sy), (cp, sp), (cr, sr) = (
+        (math.cos(math.radians(a)), math.sin(math.radians(a))) for a in (pose.yaw_deg, pose.pitch_deg, pose.roll_deg)
+    )
+    yaw = np.array([[cy, sy, 0], [-sy, cy, 0], [0, 0, 1.0]])
+    pitch = np.array([[1.0, 0, 0], [0, cp, sp], [0, -sp, cp]])
+    roll = np.array([[cr, 0, -sr], [0, 1.0, 0], [sr, 0, cr]])
+    return np.asarray(roll @ pitch @ yaw)

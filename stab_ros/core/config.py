@@ -1,0 +1,66 @@
+"""Settings as frozen dataclasses: default, range and meaning of a parameter stand once, at its field.
+
+The node declares its ROS parameters from these fields, the command line checks `-p name:=value` against them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+from stab_ros.core.errors import ConfigError
+
+Value: TypeAlias = bool | int | float | str
+
+
+@dataclass(frozen=True)
+class Range:
+    """What a field accepts, and what it means (the ROS parameter descriptor is made from this)."""
+
+    doc: str
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+
+
+def setting(default: Value, doc: str, low: float | None = None, high: float | None = None,
+            choices: tuple[str, ...] = ()) -> Any:
+    """A dataclass field with its range (inclusive) or choices."""
+    return field(default=default, metadata={"range": Range(doc, low, high, choices)})
+
+
+def range_of(config_field: dataclasses.Field[Any]) -> Range:
+    found = config_field.metadata["range"]
+    assert isinstance(found, Range)
+    return found
+
+
+def checked(name: str, value: Value, default: Value, limits: Range) -> Value:
+    """`value` as the type of `default`, within `limits`.
+
+    Raises:
+        ConfigError: wrong type, out of range, or not one of the choices.
+    """
+    if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if type(value) is not type(default):
+        raise ConfigError(f"{name}: {value!r} is a {type(value).__name__}, it must be a {type(default).__name__}")
+    if limits.choices and value not in limits.choices:
+        raise ConfigError(f"{name}: {value!r} is unknown, it must be one of {', '.join(limits.choices)}")
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        low = float("-inf") if limits.low is None else limits.low
+        high = float("inf") if limits.high is None else limits.high
+        if not low <= value <= high:  # also refuses NaN
+            raise ConfigError(f"{name}: {value!r} is out of range, it must lie in [{low:g}, {high:g}]")
+    return value
+
+
+class Checked:
+    """Base of all settings: validates every field on construction."""
+
+    def __post_init__(self) -> None:
+        for item in dataclasses.fields(self):  # type: ignore[arg-type]
+            if "range" in item.metadata:
+                value = checked(item.name, getattr(self, item.name), item.default, range_of(item))
+                object.__setattr__(self, item.name, value)

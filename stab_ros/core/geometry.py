@@ -1,0 +1,75 @@
+"""Homographies: where they move points, how far two of them differ, what may be believed of one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stab_ros.core.types import FloatArray, Homography
+
+GRID = 9  # the contract's grid of frame pixels: linspace(0, w-1, 9) x linspace(0, h-1, 9)
+
+
+def normalized(H: Homography) -> Homography:
+    """H scaled to h22 = 1 (H itself where h22 is 0: no plausible camera motion)."""
+    return H / H[2, 2] if H[2, 2] != 0 else H
+
+
+def apply(H: Homography, points: FloatArray) -> FloatArray:
+    """Where H maps `points` (N, 2)."""
+    mapped = points @ H[:, :2].T + H[:, 2]
+    return np.asarray(mapped[:, :2] / mapped[:, 2:])
+
+
+def grid(size: tuple[int, int]) -> FloatArray:
+    """The contract's 81 frame pixels, (81, 2), for a frame of `size` (width, height)."""
+    x, y = np.meshgrid(np.linspace(0, size[0] - 1, GRID), np.linspace(0, size[1] - 1, GRID))
+    return np.stack([x.ravel(), y.ravel()], axis=1)
+
+
+def rms_distance(H_a: Homography, H_b: Homography, size: tuple[int, int]) -> float:
+    """How far two homographies differ, px: RMS distance over the grid of the frame."""
+    points = grid(size)
+    return float(np.sqrt(np.mean(np.sum((apply(H_a, points) - apply(H_b, points)) ** 2, axis=1))))
+
+
+def jacobian(H: Homography, points: FloatArray) -> FloatArray:
+    """Derivative of the mapped points by h00, h01, h02, h10, h11, h12, h20, h21: (N, 2, 8)."""
+    mapped = apply(H, points)
+    ones = np.concatenate([points, np.ones((len(points), 1))], axis=1)
+    w = ones @ H[2]
+    J = np.zeros((len(points), 2, 8))
+    J[:, 0, 0:3] = J[:, 1, 3:6] = ones / w[:, None]
+    J[:, :, 6:8] = -mapped[:, :, None] * points[:, None, :] / w[:, None, None]
+    return J
+
+
+def sigma_px(H: Homography, covariance: FloatArray, size: tuple[int, int]) -> float:
+    """One-sigma uncertainty of H over the grid, px: RMS of sqrt(trace(J C J^T)), C of h00..h21 (8, 8)."""
+    J = jacobian(H, grid(size))
+    return float(np.sqrt(np.mean(np.einsum("nij,jk,nik->n", J, covariance, J))))
+
+
+def level_scale(level: int) -> Homography:
+    """Maps full-resolution pixels to those of a pyramid level that averages 2x2 blocks `level` times."""
+    k = 0.5**level
+    return np.array([[k, 0.0, k / 2 - 0.5], [0.0, k, k / 2 - 0.5], [0.0, 0.0, 1.0]])
+
+
+def is_plausible(H: Homography, size: tuple[int, int], max_scale: float = 4.0) -> bool:
+    """Whether a camera over a plane could have made H: in front of it, not mirrored, scale within reason, overlap.
+
+    The local area scale over the grid must lie within [1/max_scale^2, max_scale^2], and at least one of the 81 grid
+    points must land inside the reference.
+    """
+    if not np.isfinite(H).all():
+        return False
+    points = grid(size)
+    w = points @ H[2, :2] + H[2, 2]
+    if w.min() <= 0:
+        return False
+    area = np.linalg.det(H) / w**3  # determinant of the local Jacobian of a homography
+    if area.min() < max_scale**-2 or area.max() > max_scale**2:
+        return False
+    mapped = apply(H, points)
+    inside = (mapped >= 0).all(axis=1) & (mapped <= np.array(size) - 1).all(axis=1)
+    return bool(inside.any())

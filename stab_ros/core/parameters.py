@@ -1,0 +1,78 @@
+"""All parameters of the tracker by name, as ROS nodes and the command line's `-p name:=value` know them."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from stab_ros.core.config import Range, Value, checked, range_of
+from stab_ros.core.errors import ConfigError
+from stab_ros.core.stabilizer import StabilizerConfig
+from stab_ros.methods import METHODS
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter's name, its default (which gives its type) and what it accepts."""
+
+    name: str
+    default: Value
+    limits: Range
+
+
+_REGION = 'JSON [[[x, y], ...], ...] in reference px, or the path of such a .json or of a PNG mask; "" for none'
+
+
+def _of(config: type[Any], prefix: str = "") -> Iterator[Parameter]:
+    for item in dataclasses.fields(config):
+        if "range" in item.metadata:
+            yield Parameter(prefix + item.name, item.default, range_of(item))
+
+
+def _all() -> Iterator[Parameter]:
+    yield from _of(StabilizerConfig)
+    yield Parameter("roi", "", Range(f"where static ground is: {_REGION}"))
+    yield Parameter("exclude", "", Range(f"what to leave out, e.g. the water: {_REGION}"))
+    yield Parameter("use_camera_info", False, Range("remove lens distortion as camera_info describes it"))
+    for name, method in METHODS.items():
+        yield from _of(method.Config, f"{name}.")
+
+
+PARAMETERS: Mapping[str, Parameter] = {parameter.name: parameter for parameter in _all()}
+
+
+def checked_values(values: Mapping[str, object]) -> dict[str, Value]:
+    """`values` with the types of PARAMETERS.
+
+    Raises:
+        ConfigError: an unknown name, a wrong type, or out of range.
+    """
+    return {name: _checked(name, value) for name, value in values.items()}
+
+
+def _checked(name: str, value: object) -> Value:
+    parameter = PARAMETERS.get(name)
+    if parameter is None:
+        near = difflib.get_close_matches(name, PARAMETERS, n=3) or sorted(PARAMETERS)
+        raise ConfigError(f"parameter {name!r} is unknown, did you mean {', '.join(near)}?")
+    if not isinstance(value, (bool, int, float, str)):
+        raise ConfigError(f"{name}: {value!r} must be one {type(parameter.default).__name__}")
+    return checked(name, value, parameter.default, parameter.limits)
+
+
+def stabilizer_config(values: Mapping[str, Value]) -> StabilizerConfig:
+    """The engine's settings: defaults, overridden by `values` (checked ones).
+
+    Raises:
+        ConfigError: as `checked_values`.
+    """
+    values = checked_values(values)
+    own = {item.name for item in dataclasses.fields(StabilizerConfig)}
+    chosen: Any = {name: value for name, value in values.items() if name in own}
+    config = StabilizerConfig(**chosen)
+    prefix = f"{config.method}."
+    of_method: Any = {name.removeprefix(prefix): value for name, value in values.items() if name.startswith(prefix)}
+    return dataclasses.replace(config, method_config=METHODS[config.method].Config(**of_method))

@@ -1,0 +1,92 @@
+"""Where in the reference static ground may be looked for: polygons or masks of `roi` and `exclude`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from stab_ros.core.errors import InputError
+from stab_ros.core.types import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """A part of the reference: either polygons (each (N, 2) px) or a mask ((h, w) bool); `name` for messages."""
+
+    name: str
+    polygons: tuple[FloatArray, ...] = ()
+    mask: BoolArray | None = None
+
+    def __post_init__(self) -> None:
+        for polygon in self.polygons:
+            check_polygon(self.name, polygon)
+
+    def inside(self, size: tuple[int, int]) -> BoolArray:
+        """(h, w) bool for a reference of `size` (width, height).
+
+        Raises:
+            InputError: a mask of another size, or polygons that lie wholly outside.
+        """
+        if self.mask is not None:
+            if self.mask.shape != (size[1], size[0]):
+                raise InputError(f"{self.name}: the mask is {self.mask.shape[1]}x{self.mask.shape[0]}, "
+                                 f"it must be {size[0]}x{size[1]} as the reference")
+            return self.mask
+        canvas = np.zeros((size[1], size[0]), np.uint8)
+        for polygon in self.polygons:
+            cv2.fillPoly(canvas, [np.round(polygon).astype(np.int32)], 1)
+        if not canvas.any():
+            raise InputError(f"{self.name}: it lies outside the reference of {size[0]}x{size[1]} px")
+        return canvas.astype(bool)
+
+
+@dataclass(frozen=True, eq=False)
+class Area:
+    """Where features may lie: inside `roi` (everywhere without one), not inside `exclude`."""
+
+    roi: Region | None = None
+    exclude: Region | None = None
+
+    def allowed(self, size: tuple[int, int]) -> BoolArray:
+        """(h, w) bool.
+
+        Raises:
+            InputError: nothing is left.
+        """
+        allowed = np.ones((size[1], size[0]), bool) if self.roi is None else self.roi.inside(size).copy()
+        if self.exclude is not None:
+            allowed &= ~self.exclude.inside(size)
+        if not allowed.any():
+            raise InputError("roi and exclude leave no part of the reference, they must leave static ground")
+        return allowed
+
+
+def check_polygon(name: str, polygon: FloatArray) -> None:
+    """Raises InputError for fewer than 3 points, numbers that are not finite, or sides that cross."""
+    if polygon.ndim != 2 or polygon.shape[1:] != (2,) or len(polygon) < 3:
+        raise InputError(f"{name}: a polygon needs at least 3 points [x, y]")
+    if not np.isfinite(polygon).all() or np.abs(polygon).max() > 1e6:
+        raise InputError(f"{name}: a polygon's coordinates must be finite pixels")
+    if _crosses_itself(polygon):
+        raise InputError(f"{name}: the polygon crosses itself, list its corners in order along the outline")
+
+
+def _crosses_itself(polygon: FloatArray) -> bool:
+    n = len(polygon)
+    sides = [(polygon[i], polygon[(i + 1) % n]) for i in range(n)]
+    return any(
+        _cross(*sides[i], *sides[j])
+        for i in range(n)
+        for j in range(i + 2, n)
+        if (j + 1) % n != i  # neighbours share a corner
+    )
+
+
+def _cross(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> bool:
+    return bool(_side(a, b, c) * _side(a, b, d) < 0 and _side(c, d, a) * _side(c, d, b) < 0)
+
+
+def _side(a: FloatArray, b: FloatArray, p: FloatArray) -> float:
+    return float(np.sign((b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])))

@@ -1,0 +1,184 @@
+"""The engine: one frame in, its homography to the reference and the warped frame out.
+
+Live and offline call the same `Stabilizer`: the answer depends on the frames alone, never on a clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stab_ros.core import estimators
+from stab_ros.core.camera import Camera
+from stab_ros.core.config import Checked, setting
+from stab_ros.core.errors import InputError
+from stab_ros.core.geometry import is_plausible, sigma_px
+from stab_ros.core.gray import depth_scale, to_gray
+from stab_ros.core.models import MODELS
+from stab_ros.core.reference import Motion, Reference, is_textured
+from stab_ros.core.region import Area
+from stab_ros.core.static_features import StaticFeatures
+from stab_ros.core.types import Correspondences, Fit, Frame, Gray, Homography, Image, Stabilized, State, Track
+from stab_ros.core.warp import INTERPOLATION, warp
+from stab_ros.methods import METHODS, Method
+
+
+@dataclass(frozen=True)
+class StabilizerConfig(Checked):
+    """What does not belong to one method; `method_config` is the method's own `Config` (None: its defaults)."""
+
+    method: str = setting("direct", "how features are found again", choices=tuple(METHODS))
+    model: str = setting("projective", "transformation model", choices=MODELS)
+    estimator: str = setting("magsac", "how the homography is fitted", choices=tuple(estimators.ESTIMATORS))
+    reference: str = setting("fixed", "what frames are compared with: the first one", choices=("fixed",))
+    on_lost: str = setting("drop", "image_stabilized of a lost frame: none, the last homography, or unwarped",
+                           choices=("drop", "hold", "pass"))
+    interpolation: str = setting("linear", "of image_stabilized", choices=tuple(INTERPOLATION))
+    threshold: float = setting(0.5, "a feature further than this from the fit is an outlier, px", 0.01, 20.0)
+    min_inliers: int = setting(12, "with fewer inliers the frame is lost", 4, 10000)
+    min_inlier_share: float = setting(0.1, "with a smaller share of inliers the frame is lost", 0.0, 1.0)
+    max_sigma: float = setting(1.0, "with a larger uncertainty of the homography the frame is lost, px", 0.001, 100.0)
+    method_config: object = None
+
+
+class Stabilizer:
+    """Tracks a stream against its first textured frame.
+
+    area: where static ground may be looked for. camera: removes lens distortion first, if given.
+    """
+
+    def __init__(self, config: StabilizerConfig, area: Area | None = None, camera: Camera | None = None) -> None:
+        self._config, self._area, self._camera = config, area or Area(), camera
+        self._reference: Reference | None = None
+        self._frames, self._references = 0, 0
+
+    def step(self, frame: Frame) -> Stabilized:
+        """`track` and `warp` in one."""
+        track = self.track(frame)
+        return Stabilized(track, self.warp(frame, track))
+
+    def track(self, frame: Frame) -> Track:
+        """Where the frame lies in the reference; the first textured frame, and one of another size, becomes it.
+
+        Raises:
+            InputError: `roi` and `exclude` do not fit the reference, or the camera does not fit the frame.
+        """
+        index, self._frames = self._frames, self._frames + 1
+        gray = self._gray(frame)
+        if self._reference is None or self._reference.gray.shape != gray.shape:
+            return self._start(index, frame, gray)
+        for guess in (self._motion.predict(frame.stamp_ns), self._motion.last):  # the camera may have stopped or turned
+            pairs, fit = self._align(gray, guess)
+            if fit is not None and self._accepts(fit, frame.size):
+                self._motion = self._motion.then(fit.ref_H_cur, frame.stamp_ns)
+                self._features.learn(pairs, fit)
+                return self._tracked(index, frame, pairs, fit)
+        self._motion = self._motion.standing()
+        return self._lost(index, frame, len(pairs))
+
+    def warp(self, frame: Frame, track: Track) -> Image | None:
+        """The frame in the reference's place; what `on_lost` says for a lost one (None: nothing)."""
+        H = track.ref_H_cur
+        if H is None and self._config.on_lost == "pass":
+            return frame.image
+        if H is None and self._config.on_lost == "hold" and self._reference is not None:
+            H = self._motion.last
+        if H is None:
+            return None
+        return warp(frame.image, H, frame.size, self._config.interpolation, self._camera)
+
+    def reset_reference(self) -> None:
+        """The next textured frame becomes the reference."""
+        self._reference = None
+
+    def reconfigure(self, config: StabilizerConfig, area: Area) -> None:
+        """Other settings from the next frame on, against the same reference.
+
+        Raises:
+            InputError: `area` does not fit the reference; nothing has changed then.
+        """
+        reference = self._reference
+        if reference is not None:
+            area.allowed(reference.frame.size)
+        rebuilds = (config.method, config.method_config, area) != (
+            self._config.method, self._config.method_config, self._area)
+        self._config, self._area = config, area
+        if reference is not None and rebuilds:
+            self._prepare(reference)
+
+    @property
+    def reference(self) -> Frame | None:
+        """The frame all others are brought back to."""
+        return self._reference.frame if self._reference else None
+
+    @property
+    def reset_counter(self) -> int:
+        """How often the reference was replaced."""
+        return max(0, self._references - 1)
+
+    @property
+    def last_match(self) -> tuple[Correspondences, Fit | None] | None:
+        """What the last compared frame was judged by: the features found in it, and what was fitted to them."""
+        return self._last_match if self._reference else None
+
+    def _gray(self, frame: Frame) -> Gray:
+        """The frame as the methods see it: gray, without lens distortion."""
+        if self._camera is not None and self._camera.size != frame.size:
+            raise InputError(f"camera_info is for {self._camera.size[0]}x{self._camera.size[1]} px, "
+                             f"the images have {frame.size[0]}x{frame.size[1]}")
+        scale = self._reference.grey_scale if self._reference else depth_scale(frame)
+        gray = to_gray(frame, scale)
+        return gray if self._camera is None else self._camera.undistort(gray)
+
+    def _start(self, index: int, frame: Frame, gray: Gray) -> Track:
+        """Take the frame as the reference, if there is anything in it to find again."""
+        if not is_textured(gray):
+            return self._lost(index, frame, 0)
+        reference = Reference(frame, gray, depth_scale(frame))
+        self._prepare(reference)
+        self._motion = Motion(np.eye(3), frame.stamp_ns)
+        self._references += 1
+        found = self._method.features
+        return Track(State.TRACKED, index, frame.stamp_ns, frame.stamp_ns, self.reset_counter, found, found,
+                     np.eye(3), np.zeros((8, 8)), 0.0, 0.0)
+
+    def _prepare(self, reference: Reference) -> None:
+        """All that depends on the reference alone."""
+        allowed = self._area.allowed(reference.frame.size)
+        method = METHODS[self._config.method]
+        config = self._config.method_config or method.Config()
+        self._method: Method = method(reference.gray, allowed, config)
+        self._features = StaticFeatures(self._method.features)
+        self._last_match: tuple[Correspondences, Fit | None] | None = None
+        self._reference = reference
+
+    def _align(self, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
+        """Match and fit from a guess."""
+        pairs = self._method.match(gray, guess, self._features.trust)
+        trust = self._features.trust[pairs.feature_id]
+        fit = estimators.fit(pairs, self._config.model, self._config.estimator, self._config.threshold, guess, trust)
+        self._last_match = (pairs, fit)
+        return pairs, fit
+
+    def _accepts(self, fit: Fit, size: tuple[int, int]) -> bool:
+        """The gate: enough agreement, a certain result, and a motion that a camera can make."""
+        inliers = int(fit.inlier.sum())
+        return (
+            inliers >= self._config.min_inliers
+            and inliers >= self._config.min_inlier_share * len(fit.inlier)
+            and is_plausible(fit.ref_H_cur, size)
+            and sigma_px(fit.ref_H_cur, fit.covariance, size) <= self._config.max_sigma
+        )
+
+    def _tracked(self, index: int, frame: Frame, pairs: Correspondences, fit: Fit) -> Track:
+        return Track(State.TRACKED, index, frame.stamp_ns, self._reference_stamp_ns, self.reset_counter, len(pairs),
+                     int(fit.inlier.sum()), fit.ref_H_cur, fit.covariance, fit.rmse_px,
+                     sigma_px(fit.ref_H_cur, fit.covariance, frame.size))
+
+    def _lost(self, index: int, frame: Frame, matches: int) -> Track:
+        return Track(State.LOST, index, frame.stamp_ns, self._reference_stamp_ns, self.reset_counter, matches)
+
+    @property
+    def _reference_stamp_ns(self) -> int:
+        return self._reference.frame.stamp_ns if self._reference else 0

@@ -1,0 +1,1 @@
+"""Bags, videos, folders of images and messages as CDR bytes; knows the core, not ROS."""

@@ -1,0 +1,78 @@
+"""What a recording holds, whatever its format."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+from stab_ros.core.errors import InputError
+from stab_ros.io.messages import typestore
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic of a recording.
+
+    definition: ros2msg text with its dependencies, "" if unknown (bytes that are not UTF-8 as surrogate escapes).
+    qos: offered_qos_profiles as YAML, "" if unknown. encoding: of the messages; schema_encoding: of the definition.
+    type_hash: RIHS01 of the type, "" if unknown.
+    """
+
+    name: str
+    msgtype: str
+    count: int
+    definition: str
+    qos: str = ""
+    encoding: str = "cdr"
+    schema_encoding: str = "ros2msg"
+    type_hash: str = ""
+
+
+class Message(NamedTuple):
+    """A recorded message, in CDR (ROS 1 messages have been converted)."""
+
+    topic: str
+    log_time_ns: int
+    publish_time_ns: int
+    data: bytes
+
+
+class BagReader(Protocol):
+    """A recording, open for reading from one thread.
+
+    start_ns, end_ns: log times of the first and the last message, 0 without messages.
+    warnings: what could not be read, one line each; complete once `messages` has come to its end.
+    """
+
+    topics: Mapping[str, Topic]
+    start_ns: int
+    end_ns: int
+    warnings: list[str]
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
+        """The messages of `topics` (None: of all) in the order of their log time."""
+
+
+def definition_of(msgtype: str) -> str:
+    """The definition of a message type of ROS 2 Jazzy with its dependencies, as ros2msg text.
+
+    Raises:
+        InputError: the type is unknown.
+    """
+    _check_known(msgtype)
+    return typestore().generate_msgdef(msgtype, ros_version=2)[0]
+
+
+def topic_of(name: str, msgtype: str, qos: str = "") -> Topic:
+    """A new topic of a message type of ROS 2 Jazzy.
+
+    Raises:
+        InputError: the type is unknown.
+    """
+    return Topic(name, msgtype, 0, definition_of(msgtype), qos, type_hash=typestore().hash_rihs01(msgtype))
+
+
+def _check_known(msgtype: str) -> None:
+    if msgtype not in typestore().fielddefs:
+        raise InputError(f"message type {msgtype!r} is unknown, it must be one of common_interfaces as pkg/msg/Name")

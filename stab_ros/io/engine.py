@@ -1,0 +1,63 @@
+"""The one way to an engine from parameters, for the node and the command alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import yaml
+
+from stab_ros.core.camera import Camera
+from stab_ros.core.config import Value
+from stab_ros.core.errors import InputError
+from stab_ros.core.parameters import checked_values, stabilizer_config
+from stab_ros.core.stabilizer import Stabilizer
+from stab_ros.io.regions import read_area
+
+
+def make_stabilizer(values: Mapping[str, Value], camera: Camera | None = None) -> Stabilizer:
+    """An engine with the defaults overridden by `values`.
+
+    Raises:
+        InputError: a value or a region is wrong.
+    """
+    return Stabilizer(stabilizer_config(values), read_area(values), camera)
+
+
+def reconfigure(stabilizer: Stabilizer, values: Mapping[str, Value]) -> None:
+    """The engine's settings as `make_stabilizer` would make them; unchanged if that fails.
+
+    Raises:
+        InputError: a value or a region is wrong, or the region does not fit the reference.
+    """
+    stabilizer.reconfigure(stabilizer_config(values), read_area(values))
+
+
+def read_config(path: Path) -> dict[str, Value]:
+    """The tracker's parameters in a ROS parameter file: every `ros__parameters` under `/**` or a tracker's name.
+
+    Raises:
+        InputError: the file is missing or no ROS parameter file, or a parameter in it is wrong.
+    """
+    try:
+        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        reason = " ".join(str(error).split())
+        raise InputError(f"{path}: not a readable YAML file ({reason})") from error
+    if not isinstance(document, dict) or not all(isinstance(node, dict) for node in document.values()):
+        raise InputError(f"{path}: not a ROS parameter file, it must hold '/**: ros__parameters: name: value'")
+    found: dict[str, object] = {}
+    for name, node in document.items():
+        if str(name).rsplit("/", 1)[-1] in ("**", "*", "tracker_node"):
+            found.update(_flat(path, node.get("ros__parameters")))
+    return checked_values(found)
+
+
+def _flat(path: Path, tree: object, prefix: str = "") -> dict[str, object]:
+    """Nested parameters by their full names, `direct: {patches: 300}` as `direct.patches`."""
+    if not isinstance(tree, dict):
+        raise InputError(f"{path}: ros__parameters must hold 'name: value' pairs")
+    flat: dict[str, object] = {}
+    for name, value in tree.items():
+        flat.update(_flat(path, value, f"{prefix}{name}.") if isinstance(value, dict) else {f"{prefix}{name}": value})
+    return flat

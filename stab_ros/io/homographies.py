@@ -1,0 +1,122 @@
+"""Homographies as a table (H.csv): a row for every input frame, empty cells where a frame was lost.
+
+Truth files have the same first columns, `frame` to `h22`, and are joined by frame.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from stab_ros.core.errors import InputError, WorkError
+from stab_ros.core.types import Homography, State, Track
+
+ELEMENTS = tuple(f"h{row}{column}" for row in range(3) for column in range(3))
+COLUMNS = ("frame", "stamp_ns", "status", *ELEMENTS)
+TRACK_COLUMNS = ("matches", "inliers", "rmse_px", "sigma_px", "reset_counter")
+
+
+@dataclass(frozen=True, eq=False)
+class HomographyRow:
+    """One row: `ref_H_cur` (3, 3) is None while lost."""
+
+    frame: int
+    stamp_ns: int
+    ref_H_cur: Homography | None
+
+
+class HomographyWriter:
+    """Writes H.csv row by row; every row is on its way to the disk before the next frame is worked on.
+
+    Raises:
+        WorkError: the file cannot be written (any method).
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            self._file = path.open("w", encoding="utf-8", newline="")
+        except OSError as error:
+            raise self._broken(error) from error
+        self._write((*COLUMNS, *TRACK_COLUMNS))
+
+    def write(self, frame: int, track: Track) -> None:
+        """`frame`: its number in the input, from 0, pictures that cannot be decoded included."""
+        self._write(_cells(frame, track))
+
+    def close(self) -> None:
+        try:
+            self._file.close()
+        except OSError as error:
+            raise self._broken(error) from error
+
+    def __enter__(self) -> HomographyWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _write(self, cells: Iterable[str]) -> None:
+        try:
+            self._file.write(",".join(cells) + "\n")
+            self._file.flush()
+        except OSError as error:
+            raise self._broken(error) from error
+
+    def _broken(self, error: OSError) -> WorkError:
+        return WorkError(f"{self._path}: {error.strerror}")
+
+
+def _cells(frame: int, track: Track) -> list[str]:
+    elements = [""] * 9 if track.ref_H_cur is None else [repr(float(h)) for h in track.ref_H_cur.ravel()]
+    return [
+        str(frame), str(track.stamp_ns), track.state.value, *elements,
+        str(track.matches), str(track.inliers), _number(track.rmse_px), _number(track.sigma_px),
+        str(track.reset_counter),
+    ]  # fmt: skip
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else repr(float(value))
+
+
+def read_homographies(path: Path) -> list[HomographyRow]:
+    """The rows of H.csv or of a truth file, in the order of the file.
+
+    Raises:
+        InputError: no such file, a column is missing, or a cell is not a number.
+    """
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            table = csv.DictReader(file, strict=True)
+            missing = [name for name in COLUMNS if name not in (table.fieldnames or ())]
+            if missing:
+                raise InputError(f"{path}: no column {missing[0]}; the header must begin with {','.join(COLUMNS)}")
+            return [_row(path, table.line_num, cells) for cells in table]
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}; it must be a table of homographies (.csv)") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: is not a table of homographies (.csv with the columns {','.join(COLUMNS)})") from error
+
+
+def _row(path: Path, line: int, cells: Mapping[str, str | None]) -> HomographyRow:
+    try:
+        lost = cells["status"] == State.LOST.value
+        return HomographyRow(int(cells["frame"] or ""), int(cells["stamp_ns"] or ""), None if lost else _matrix(cells))
+    except ValueError as error:
+        raise InputError(f"{path}: line {line} is not a row of homographies: {error}") from error
+
+
+def _matrix(cells: Mapping[str, str | None]) -> Homography:
+    elements = [float(cells[name] or "") for name in ELEMENTS]
+    if not all(map(math.isfinite, elements)):
+        raise ValueError("a homography must be finite")
+    return np.array(elements, np.float64).reshape(3, 3)

@@ -1,0 +1,224 @@
+"""One MCAP file: where its messages are, by its index or, where that is missing or damaged, by a scan of the file."""
+
+from __future__ import annotations
+
+import zlib
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, ChunkIndex, Footer, Schema, Statistics
+
+from stab_ros.core.errors import InputError
+from stab_ros.io.mcap_records import (
+    MAGIC,
+    RECORD_HEAD,
+    DamagedError,
+    Record,
+    RecordedMessage,
+    message_in,
+    parse,
+    read_exactly,
+    split,
+    unpacked,
+)
+
+_FOOTER_LENGTH = 20
+_TAIL = RECORD_HEAD.size + _FOOTER_LENGTH + len(MAGIC)
+_RUN_LIMIT = 2**22  # bytes of messages outside of chunks that are read at a time
+
+
+class Block(NamedTuple):
+    """A piece of the file that holds messages: a chunk, or messages that were written without one."""
+
+    start_ns: int
+    end_ns: int
+    offset: int
+    length: int
+    channel_ids: frozenset[int]
+
+
+class McapFile:
+    """channels, schemas: by id. counts: messages by channel id. blocks: in the order of the file.
+
+    Raises:
+        InputError: it cannot be opened or is not an MCAP file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.warnings: list[str] = []
+        self._clear()
+        try:
+            self._file = path.open("rb")
+        except OSError as error:
+            raise InputError(f"{path}: {error.strerror or error}, it must be a readable MCAP file") from error
+        try:
+            self._size = self._file.seek(0, 2)
+            self._check_magic()
+            self._find_blocks()
+        except BaseException:
+            self._file.close()
+            raise
+
+    def close(self) -> None:
+        self._file.close()
+
+    def _clear(self) -> None:
+        self.channels: dict[int, Channel] = {}
+        self.schemas: dict[int, Schema] = {}
+        self.counts: Counter[int] = Counter()
+        self.blocks: list[Block] = []
+
+    def _check_magic(self) -> None:
+        if self._size == 0:
+            raise InputError(f"{self.path}: is empty, it must be an MCAP file")
+        try:
+            magic = read_exactly(self._file, 0, len(MAGIC))
+        except DamagedError as damage:
+            raise InputError(f"{self.path}: {damage}, it must be an MCAP file") from damage
+        if magic != MAGIC:
+            raise InputError(f"{self.path}: is not an MCAP file, it must begin with the bytes 89 4D 43 41 50 30 0D 0A")
+
+    def _find_blocks(self) -> None:
+        try:
+            indexed = self._read_index()
+            reason = "has no index (was the recording cut off?)"
+        except DamagedError as damage:
+            indexed, reason = False, f"its index {damage}"
+        if not indexed:
+            self._clear()
+            self.warnings.append(f"{self.path}: {reason}, it was scanned instead")
+            self._scan()
+
+    # the index -------------------------------------------------------------------------------------------------------
+    def _read_index(self) -> bool:
+        """False: there is none. Raises DamagedError where it cannot be trusted."""
+        tail = read_exactly(self._file, max(self._size - _TAIL, 0), min(_TAIL, self._size))
+        if len(tail) < _TAIL or not tail.endswith(MAGIC) or tail[0] != Opcode.FOOTER:
+            return False
+        footer = parse(Opcode.FOOTER, tail[RECORD_HEAD.size : -len(MAGIC)])
+        if not isinstance(footer, Footer) or footer.summary_start == 0:
+            return False
+        start, end = footer.summary_start, self._size - _TAIL
+        if not len(MAGIC) <= start <= end:
+            raise DamagedError("lies outside of the file")
+        summary = read_exactly(self._file, start, end - start)
+        crc = zlib.crc32(tail[: RECORD_HEAD.size + _FOOTER_LENGTH - 4], zlib.crc32(summary))
+        if footer.summary_crc not in (0, crc):
+            raise DamagedError("has a wrong CRC")
+        return self._take_summary([record for _, record in _records(summary)])
+
+    def _take_summary(self, records: list[Record]) -> bool:
+        statistics: Statistics | None = None
+        for record in records:
+            self._take_definition(record)
+            if isinstance(record, Statistics):
+                statistics = record
+            elif isinstance(record, ChunkIndex):
+                self.blocks.append(_block_of(record))
+        if statistics is None or len(self.blocks) != statistics.chunk_count:
+            return False
+        if statistics.message_count and not (self.blocks and self.channels):  # messages without chunks have no index
+            return False
+        self.counts.update(statistics.channel_message_counts)
+        self.blocks.sort(key=lambda block: block.offset)
+        return True
+
+    def _take_definition(self, record: Record | None) -> None:
+        if isinstance(record, Channel):
+            self.channels[record.id] = record
+        elif isinstance(record, Schema):
+            self.schemas[record.id] = record
+
+    # the scan --------------------------------------------------------------------------------------------------------
+    def _scan(self) -> None:
+        """Goes through all records; what is damaged is left out with a warning."""
+        run: list[tuple[int, int]] = []  # offset and end of consecutive messages outside of chunks
+        at = len(MAGIC)
+        while at < self._size:
+            try:
+                opcode, length = RECORD_HEAD.unpack(read_exactly(self._file, at, RECORD_HEAD.size))
+            except DamagedError:
+                opcode, length = 0, self._size
+            end = at + RECORD_HEAD.size + length
+            if end > self._size:
+                self._lost(at, "ends within a record")
+                break
+            if run and (opcode != Opcode.MESSAGE or end - run[0][0] > _RUN_LIMIT):
+                self._scan_block(run[0][0], run[-1][1])
+                run.clear()
+            if opcode == Opcode.MESSAGE:
+                run.append((at, end))
+            elif opcode == Opcode.CHUNK:
+                self._scan_block(at, end)
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self._scan_definition(at, end)
+            elif opcode in (Opcode.DATA_END, Opcode.FOOTER):
+                break
+            at = end
+        if run:
+            self._scan_block(run[0][0], run[-1][1])
+
+    def _scan_definition(self, at: int, end: int) -> None:
+        try:
+            body = read_exactly(self._file, at, end - at)
+            self._take_definition(parse(body[0], body[RECORD_HEAD.size :]))
+        except DamagedError as damage:
+            self._lost(at, str(damage))
+
+    def _scan_block(self, at: int, end: int) -> None:
+        try:
+            data = self._data(at, end - at)
+            messages = [message_in(data, start, stop) for opcode, start, stop in split(data) if opcode == Opcode.MESSAGE]
+            for _, record in _records(data):
+                self._take_definition(record)
+        except DamagedError as damage:
+            self._lost(at, str(damage))
+            return
+        if messages:
+            times = [message.log_time_ns for message in messages]
+            ids = Counter(message.channel_id for message in messages)
+            self.counts.update(ids)
+            self.blocks.append(Block(min(times), max(times), at, end - at, frozenset(ids)))
+
+    # the messages ----------------------------------------------------------------------------------------------------
+    def messages_of(self, block: Block) -> list[RecordedMessage]:
+        """The messages of a block by log time; of a damaged one none, with a warning."""
+        try:
+            data = self._data(block.offset, block.length)
+            messages = [message_in(data, start, end) for opcode, start, end in split(data) if opcode == Opcode.MESSAGE]
+        except DamagedError as damage:
+            self._lost(block.offset, str(damage))
+            return []
+        return sorted(messages, key=lambda message: message.log_time_ns)
+
+    def _data(self, offset: int, length: int) -> bytes:
+        """The records of a block."""
+        data = read_exactly(self._file, offset, length)
+        if data[0] == Opcode.MESSAGE:
+            return data
+        chunk = parse(data[0], memoryview(data)[RECORD_HEAD.size :])
+        if not isinstance(chunk, Chunk):
+            raise DamagedError("is not a chunk")
+        return unpacked(chunk)
+
+    def _lost(self, offset: int, why: str) -> None:
+        line = f"{self.path}: the part at byte {offset} {why}, its messages are lost"
+        if line not in self.warnings:
+            self.warnings.append(line)
+
+
+def _records(data: bytes) -> Iterator[tuple[int, Record]]:
+    """All records in `data` but messages."""
+    for opcode, start, end in split(data):
+        record = parse(opcode, data[start:end]) if opcode != Opcode.MESSAGE else None
+        if record is not None:
+            yield opcode, record
+
+
+def _block_of(index: ChunkIndex) -> Block:
+    return Block(index.message_start_time, index.message_end_time, index.chunk_start_offset, index.chunk_length,
+                 frozenset(index.message_index_offsets))

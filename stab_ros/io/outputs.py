@@ -1,0 +1,62 @@
+"""Tables and videos that appear under their final name only when they are complete (`BagWriter` does so by itself)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from stab_ros.core.errors import InputError, WorkError
+
+
+def check_output(path: Path, suffix: str, source: Path, force: bool) -> None:
+    """Refuses, before any work, what must not or cannot become an output file.
+
+    Raises:
+        InputError: wrong suffix, exists (without `force`), is part of the input, or has no folder to stand in.
+    """
+    if path.suffix.lower() != suffix:
+        raise InputError(f"{path}: an output of this kind must be called *{suffix}")
+    if _within(path, source):
+        raise InputError(f"{path}: is the input itself, the output must be another file")
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder, the output must be a file")
+    if path.exists() and not force:
+        raise InputError(f"{path}: exists already, give --force to overwrite it or another name")
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: cannot be written, {path.parent} is not a folder; it must be one that exists")
+
+
+def _within(path: Path, source: Path) -> bool:
+    """A bag in a folder must not be written into; next to images there is room."""
+    path, source = path.resolve(), source.resolve()
+    return path == source or ((source / "metadata.yaml").exists() and source in path.parents)
+
+
+def partial_of(path: Path) -> Path:
+    """Where the work is done: `OUTPUT.mcap.partial`, but `V.partial.mp4` (FFmpeg goes by the suffix)."""
+    return path.with_suffix(".partial.mp4") if path.suffix == ".mp4" else path.with_name(path.name + ".partial")
+
+
+@contextmanager
+def completed(path: Path) -> Iterator[Path]:
+    """Gives the path to write to; renamed to `path` at the end, removed on bad input, left alone when work breaks off.
+
+    Raises:
+        InputError: nothing can be written in this folder.
+        WorkError: the finished file cannot be renamed.
+    """
+    partial = partial_of(path)
+    try:
+        partial.write_bytes(b"")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}); its folder must be writable") from error
+    try:
+        yield partial
+    except InputError:
+        partial.unlink(missing_ok=True)
+        raise
+    try:
+        partial.replace(path)
+    except OSError as error:
+        raise WorkError(f"{path}: cannot be written ({error.strerror}); the result is {partial}") from error

@@ -1,0 +1,112 @@
+"""The steps behind reading: track every picture, write what comes of it. Each step runs on a thread of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from stab_ros.core.stabilizer import Stabilizer
+from stab_ros.core.types import Frame, Image, State, Track
+from stab_ros.io.bag import Message
+from stab_ros.io.homographies import HomographyWriter
+from stab_ros.io.overlap import Stage
+from stab_ros.io.source import Picture
+from stab_ros.io.stabilized_bag import StabilizedBag
+from stab_ros.io.video_writer import VideoWriter
+
+# called after every frame with how many are done
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """One picture, its number in the input, its track, and the picture in the reference's place (None: not wanted)."""
+
+    number: int
+    picture: Picture
+    track: Track
+    image: Image | None
+    reference_size: tuple[int, int] | None
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Where results go."""
+
+    bag: StabilizedBag
+    table: HomographyWriter | None
+    video: VideoWriter | None
+
+    @property
+    def need_image(self) -> bool:
+        return self.bag.with_image or self.video is not None
+
+    def write(self, result: Result) -> None:
+        frame = result.picture.decoded
+        self.bag.write(result.picture, result.track, result.image, result.reference_size)
+        if self.table is not None:
+            self.table.write(result.number, result.track)
+        if self.video is not None:
+            self.video.write(frame if isinstance(frame, Frame) else None, result.image)
+
+
+@dataclass
+class Counts:
+    """What has been written. unreadable: pictures that cannot be decoded; `problem` is that of the first."""
+
+    frames: int = 0
+    tracked: int = 0
+    unreadable: int = 0
+    problem: str = ""
+
+    def add(self, result: Result) -> None:
+        self.frames += 1
+        self.tracked += result.track.tracked
+        if not isinstance(result.picture.decoded, Frame):
+            self.unreadable += 1
+            self.problem = self.problem or str(result.picture.decoded)
+
+
+def run(items: Iterable[Picture | Message], stabilizer: Stabilizer, outputs: Outputs, progress: Progress) -> Counts:
+    """Reads here, tracks and writes on two more threads, each a frame or two behind the other, all in order."""
+    tracker, counts = _Tracker(stabilizer, outputs.need_image), Counts()
+
+    def write(item: Result | Message) -> None:
+        if isinstance(item, Message):
+            outputs.bag.take_over(item)
+            return
+        outputs.write(item)
+        counts.add(item)
+        progress(counts.frames)
+
+    def track(item: Picture | Message) -> None:
+        writing.put(item if isinstance(item, Message) else tracker.step(item))
+
+    with Stage(write) as writing, Stage(track) as tracking:
+        for item in items:
+            tracking.put(item)
+    return counts
+
+
+class _Tracker:
+    """The stabilizer over pictures, of which some cannot be decoded: those are lost, and counted as frames."""
+
+    def __init__(self, stabilizer: Stabilizer, need_image: bool) -> None:
+        self._stabilizer = stabilizer
+        self._need_image = need_image
+        self._number = -1
+
+    def step(self, picture: Picture) -> Result:
+        self._number += 1
+        frame, image = picture.decoded, None
+        if isinstance(frame, Frame):
+            track = self._stabilizer.track(frame)
+            image = self._stabilizer.warp(frame, track) if self._need_image else None
+        else:
+            track = self._undecodable(picture)
+        return Result(self._number, picture, track, image, self._stabilizer.reference_size)
+
+    def _undecodable(self, picture: Picture) -> Track:
+        reference = self._stabilizer.reference
+        reference_stamp_ns = 0 if reference is None else reference.stamp_ns
+        return Track(State.LOST, self._number, picture.stamp_ns, reference_stamp_ns, self._stabilizer.reset_counter)

@@ -1,0 +1,91 @@
+"""The stabilised frames as a video to look at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+
+import cv2
+import numpy as np
+
+from stab_ros.core.errors import WorkError
+from stab_ros.core.gray import depth_scale, to_gray
+from stab_ros.core.types import Frame, Image
+
+_TO_BGR = {
+    "rgb8": cv2.COLOR_RGB2BGR,
+    "bgra8": cv2.COLOR_BGRA2BGR,
+    "rgba8": cv2.COLOR_RGBA2BGR,
+}
+
+
+class VideoWriter:
+    """An mp4 with one picture for every input frame, as large as the first (MPEG-4 drops an odd last column or row).
+
+    Where there is no picture (a lost frame is dropped) the last one is repeated, so that frame n of the video remains
+    frame n of the input; before the first picture it is black.
+
+    Raises:
+        WorkError: the video cannot be written (any method).
+    """
+
+    def __init__(self, path: Path, fps: float) -> None:
+        self._path = path
+        self._fps = fps
+        self._writer = cv2.VideoWriter()
+        self._shown: Image = np.empty(0, np.uint8)
+        self._depth_scale = 1.0
+        self._pictures = 0
+
+    def write(self, frame: Frame | None, image: Image | None) -> None:
+        """frame: of the input, None where it cannot be decoded. image: the same, stabilised, in its encoding."""
+        self._pictures += 1
+        if frame is not None and not self._writer.isOpened():
+            self._open(frame)
+        if frame is not None and image is not None:
+            self._show(image, frame.encoding)
+        if self._writer.isOpened():
+            self._writer.write(self._shown)
+
+    def close(self) -> None:
+        self._writer.release()
+
+    def check(self) -> None:
+        """FFmpeg hides a full disk: the finished file must hold what was written."""
+        capture = cv2.VideoCapture(str(self._path))
+        found = int(capture.get(cv2.CAP_PROP_FRAME_COUNT)) if capture.isOpened() else 0
+        capture.release()
+        if found != self._pictures:
+            raise WorkError(f"{self._path}: {found} of {self._pictures} frames were written; is the disk full?")
+
+    def __enter__(self) -> VideoWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+        if kind is None:
+            self.check()
+
+    def _open(self, frame: Frame) -> None:
+        codec = cv2.VideoWriter.fourcc(*"mp4v")
+        if not self._writer.open(str(self._path), codec, self._fps, frame.size):
+            raise WorkError(f"{self._path}: a video of {frame.size[0]}x{frame.size[1]} cannot be written here")
+        self._depth_scale = depth_scale(frame)
+        self._shown = np.zeros((*frame.image.shape[:2], 3), np.uint8)
+        for _ in range(self._pictures - 1):
+            self._writer.write(self._shown)
+
+    def _show(self, image: Image, encoding: str) -> None:
+        shown = _to_bgr(Frame(image, encoding, stamp_ns=0), self._depth_scale)
+        if shown.shape == self._shown.shape:
+            self._shown = shown
+
+
+def _to_bgr(frame: Frame, scale: float) -> Image:
+    if frame.encoding == "bgr8":
+        return frame.image
+    if frame.encoding in _TO_BGR:
+        return np.asarray(cv2.cvtColor(frame.image, _TO_BGR[frame.encoding]))
+    return np.asarray(cv2.cvtColor(to_gray(frame, scale), cv2.COLOR_GRAY2BGR))

@@ -1,0 +1,35 @@
+"""The stabilisation methods: one file each, one line each in METHODS."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Protocol
+
+from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography
+from stab_ros.methods.direct import Direct
+from stab_ros.methods.klt import Klt
+
+
+class Method(Protocol):
+    """Finds features of the reference again in the current frame.
+
+    Everything that depends on the reference alone is done in the constructor, once. Reports all it found: which of it
+    is static ground is the estimator's and `core.static_features`' to decide.
+    """
+
+    Config: ClassVar[type[Any]]  # frozen dataclass of `core.config.setting` fields: parameters `<name>.*`
+
+    def __init__(self, reference: Gray, allowed: BoolArray, config: Any) -> None:
+        """reference: (h, w) uint8. allowed: (h, w) bool, where features may lie."""
+
+    @property
+    def features(self) -> int:
+        """How many features the reference has; every feature_id is below it."""
+
+    def match(self, current: Gray, guess: Homography, trust: FloatArray) -> Correspondences:
+        """The features found in `current`, (h, w) uint8, of the reference's size; it is not modified.
+
+        guess: ref_H_cur as predicted. trust: (features,) in [0, 1], how static each feature has proved so far.
+        """
+
+
+METHODS: dict[str, type[Method]] = {"direct": Direct, "klt": Klt}

@@ -1,0 +1,108 @@
+"""ROS parameters from the settings' one table: descriptors, overrides at start, changes at run time."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import sys
+from collections.abc import Callable, Collection, Mapping
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+
+from stab_ros.core.config import Checked, Range, Value, checked, range_of
+from stab_ros.core.errors import InputError
+from stab_ros.core.parameters import Parameter
+
+_OF_ROS = ("use_sim_time", "start_type_description_service")
+_LARGEST_INTEGER = 2**63 - 1
+
+
+def table_of(settings: type[Checked]) -> dict[str, Parameter]:
+    """The parameters that the fields of a settings dataclass stand for."""
+    fields = dataclasses.fields(settings)  # type: ignore[arg-type]  # Checked is the base of dataclasses, not one itself
+    return {item.name: Parameter(item.name, item.default, range_of(item)) for item in fields}
+
+
+def declare(node: Node, table: Mapping[str, Parameter], changeable: Collection[str] = ()) -> dict[str, Value]:
+    """Declares `table` and returns the values in force; all but `changeable` are read-only.
+
+    The node must have declared its overrides itself (`automatically_declare_parameters_from_overrides`).
+
+    Raises:
+        ConfigError: an override has the wrong type or is out of range.
+    """
+    values = {name: _take_override(node, parameter) for name, parameter in table.items()}
+    for name, value in values.items():
+        shown = describe(table[name].limits, value, read_only=name not in changeable)
+        node.declare_parameter(name, value, shown, ignore_override=True)
+    return values
+
+
+def _take_override(node: Node, parameter: Parameter) -> Value:
+    if not node.has_parameter(parameter.name):
+        return parameter.default
+    given = node.get_parameter(parameter.name).value
+    node.undeclare_parameter(parameter.name)
+    return checked(parameter.name, given, parameter.default, parameter.limits)
+
+
+def describe(limits: Range, value: Value, read_only: bool) -> ParameterDescriptor:
+    """What `ros2 param describe` and rqt show."""
+    shown = ParameterDescriptor(description=limits.doc, read_only=read_only)
+    if limits.choices:
+        shown.additional_constraints = f"one of {', '.join(limits.choices)}"
+    if limits.low is None and limits.high is None:
+        return shown
+    if isinstance(value, float):
+        most = sys.float_info.max
+        bounds = (-most if limits.low is None else limits.low, most if limits.high is None else limits.high)
+        shown.floating_point_range = [FloatingPointRange(from_value=float(bounds[0]), to_value=float(bounds[1]))]
+    else:
+        low = -_LARGEST_INTEGER if limits.low is None else int(limits.low)
+        high = _LARGEST_INTEGER if limits.high is None else int(limits.high)
+        shown.integer_range = [IntegerRange(from_value=low, to_value=high)]
+    return shown
+
+
+def warn_of_unknown(node: Node, known: Collection[str]) -> None:
+    """Logs every parameter that was given but that the node does not have, and what it may have been meant for."""
+    for name in node.get_parameters_by_prefix(""):
+        if name in known or name in _OF_ROS or name.startswith("qos_overrides."):
+            continue
+        near = difflib.get_close_matches(name, known, n=3)
+        meant = f"; near it are {', '.join(near)}" if near else ""
+        node.get_logger().warning(f"parameter {name} is unknown and has no effect{meant}")
+
+
+class LiveChanges:
+    """Changes of parameters at run time: `check` judges the new values (InputError refuses), then `apply` takes them."""
+
+    def __init__(self, node: Node, table: Mapping[str, Parameter],
+                 check: Callable[[dict[str, Value]], None], apply: Callable[[dict[str, Value]], None]) -> None:
+        self._table = table
+        self._check = check
+        self._apply = apply
+        node.add_pre_set_parameters_callback(self._as_declared)
+        node.add_on_set_parameters_callback(self._judge)
+        node.add_post_set_parameters_callback(lambda changed: self._apply(self._of_ours(changed)))
+
+    def _as_declared(self, changed: list[RosParameter]) -> list[RosParameter]:
+        """`ros2 param set ... 1` for a float is an integer on the wire."""
+        return [RosParameter(one.name, value=float(one.value)) if self._is_float_as_int(one) else one
+                for one in changed]
+
+    def _is_float_as_int(self, one: RosParameter) -> bool:
+        declared = self._table.get(one.name)
+        return declared is not None and isinstance(declared.default, float) and type(one.value) is int
+
+    def _judge(self, changed: list[RosParameter]) -> SetParametersResult:
+        try:
+            self._check(self._of_ours(changed))
+        except InputError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _of_ours(self, changed: list[RosParameter]) -> dict[str, Value]:
+        return {one.name: one.value for one in changed if one.name in self._table}

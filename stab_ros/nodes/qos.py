@@ -1,0 +1,153 @@
+"""Quality of service: chosen from what the publishers offer, as rosbag2 does, and looked at again as they join."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeAlias
+
+import yaml
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    QoSPolicyKind,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_policy_name_from_kind,
+)
+from rclpy.subscription import Subscription
+
+RawCallback: TypeAlias = Callable[[bytes, Mapping[str, int]], None]
+Choice: TypeAlias = Callable[[Sequence[QoSProfile]], QoSProfile]
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+KEEP_ALL = QoSProfile(history=HistoryPolicy.KEEP_ALL)
+_REPLAY_DEPTH = 10  # of a replayed topic, as rosbag2
+_INFINITE_NS = 2**63 - 1
+
+# as rosbag2 writes them: names since Iron, numbers before
+_RELIABILITY = {"best_effort": ReliabilityPolicy.BEST_EFFORT, 2: ReliabilityPolicy.BEST_EFFORT}
+_DURABILITY = {"transient_local": DurabilityPolicy.TRANSIENT_LOCAL, 1: DurabilityPolicy.TRANSIENT_LOCAL}
+
+
+def reliability_for(offers: Sequence[QoSProfile]) -> ReliabilityPolicy:
+    """RELIABLE if every publisher offers it, else BEST_EFFORT, which connects to all of them."""
+    reliable = all(offer.reliability == ReliabilityPolicy.RELIABLE for offer in offers)
+    return ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+
+
+def durability_for(offers: Sequence[QoSProfile]) -> DurabilityPolicy:
+    """TRANSIENT_LOCAL, to get latched messages, if every publisher offers it."""
+    latched = bool(offers) and all(offer.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offers)
+    return DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+
+
+def newest_only(offers: Sequence[QoSProfile]) -> QoSProfile:
+    """The newest message wins."""
+    return QoSProfile(depth=1, reliability=reliability_for(offers))
+
+
+def keep_all_reliable(_offers: Sequence[QoSProfile]) -> QoSProfile:
+    """Nothing is lost; publishers that do not offer RELIABLE are refused."""
+    return KEEP_ALL
+
+
+def keep_all_offered(offers: Sequence[QoSProfile]) -> QoSProfile:
+    """As much as the publishers give."""
+    return QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=reliability_for(offers),
+                      durability=durability_for(offers))
+
+
+class AdaptiveSubscription:
+    """A raw subscription that is made anew when `choose` answers otherwise to what the publishers now offer.
+
+    fix: what the user can do about a publisher that stays incompatible.
+    """
+
+    def __init__(self, node: Node, msg_class: Any, topic: str, callback: RawCallback, choose: Choice, fix: str) -> None:
+        self._node = node
+        self._msg_class = msg_class
+        self._topic = node.resolve_topic_name(topic)
+        self._callback = callback
+        self._choose = choose
+        self._fix = fix
+        self._refused = ""
+        self.publishers = 0
+        self.qos = choose(self._offers())
+        self._subscription = self._subscribe()
+
+    def refresh(self) -> None:
+        """Looks at the publishers again; to be called now and then."""
+        offers = self._offers()
+        self.publishers = len(offers)
+        wanted = self._choose(offers)
+        if offers and (wanted.reliability, wanted.durability) != (self.qos.reliability, self.qos.durability):
+            self.qos = wanted
+            self._node.destroy_subscription(self._subscription)
+            self._subscription = self._subscribe()
+        elif self._refused:
+            self._node.get_logger().error(f"{self._topic}: a publisher offers an incompatible {self._refused}, "
+                                          f"nothing is received from it; {self._fix}")
+        self._refused = ""
+
+    def close(self) -> None:
+        self._node.destroy_subscription(self._subscription)
+
+    def _offers(self) -> list[QoSProfile]:
+        return [info.qos_profile for info in self._node.get_publishers_info_by_topic(self._topic)]
+
+    def _subscribe(self) -> Subscription:
+        events = SubscriptionEventCallbacks(incompatible_qos=self._note_refusal)
+        return self._node.create_subscription(
+            self._msg_class, self._topic, self._callback, self.qos, raw=True, event_callbacks=events)
+
+    def _note_refusal(self, event: Any) -> None:
+        self._refused = policy_name(event.last_policy_kind)  # `refresh` first sees whether it can adapt
+
+
+def policy_name(kind: QoSPolicyKind) -> str:
+    """RELIABILITY, DURABILITY, ..."""
+    return str(qos_policy_name_from_kind(kind)).removesuffix("_QOS_POLICY").removesuffix("_POLICY")
+
+
+def replay_qos(offered_qos_profiles: str) -> QoSProfile:
+    """What a player offers for a recorded topic, given rosbag2's YAML of the recorded offers.
+
+    RELIABLE and VOLATILE where the recording does not say, or where its publishers differed.
+    """
+    offers = _recorded_offers(offered_qos_profiles)
+    kinds = {(_RELIABILITY.get(offer.get("reliability")), _DURABILITY.get(offer.get("durability"))) for offer in offers}
+    reliability, durability = kinds.pop() if len(kinds) == 1 else (None, None)
+    return QoSProfile(depth=_REPLAY_DEPTH, reliability=reliability or ReliabilityPolicy.RELIABLE,
+                      durability=durability or DurabilityPolicy.VOLATILE)
+
+
+def _recorded_offers(offered_qos_profiles: str) -> list[dict[str, Any]]:
+    try:
+        offers = yaml.safe_load(offered_qos_profiles)
+    except yaml.YAMLError:
+        return []
+    if not isinstance(offers, list):
+        return []
+    return [offer for offer in offers if isinstance(offer, dict)]
+
+
+def offered_yaml(offers: Sequence[QoSProfile]) -> str:
+    """What rosbag2 writes as `offered_qos_profiles` of a topic with these publishers."""
+    infinite = {"sec": _INFINITE_NS // 1_000_000_000, "nsec": _INFINITE_NS % 1_000_000_000}
+    profiles = [
+        {
+            "history": "keep_last",  # discovery does not tell the history
+            "depth": _REPLAY_DEPTH,
+            "reliability": offer.reliability.name.lower(),
+            "durability": offer.durability.name.lower(),
+            "deadline": infinite,
+            "lifespan": infinite,
+            "liveliness": "automatic",
+            "liveliness_lease_duration": infinite,
+            "avoid_ros_namespace_conventions": False,
+        }
+        for offer in offers
+    ]
+    return yaml.dump(profiles, Dumper=_PlainDumper, sort_keys=False) if profiles else ""

@@ -1,0 +1,145 @@
+"""How a node's process starts, spins and ends; what all our nodes have in common."""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import os
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.logging import LoggingSeverity, set_logger_level
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.signals import SignalHandlerOptions
+
+from stab_ros.core.errors import ConfigError, InputError
+from stab_ros.io.messages import diagnostics_cdr
+from stab_ros.nodes.stopping import StopRequest
+
+SECOND_NS = 1_000_000_000
+_STEP_S = 0.1  # how long a wait may last before the wish to stop is looked at
+_SETTLED_S = 0.2  # without a message for so long, the queues are empty
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # malloc.h
+
+
+class Spinner:
+    """Runs callbacks a little at a time, so that a node's `work` stays a plain loop."""
+
+    def __init__(self, executor: SingleThreadedExecutor, stop: StopRequest) -> None:
+        self._executor = executor
+        self._stop = stop
+
+    @property
+    def stopping(self) -> bool:
+        return self._stop.requested
+
+    def once(self, timeout_s: float = _STEP_S) -> None:
+        """Runs one callback, waiting for it at most so long."""
+        self._executor.spin_once(timeout_sec=min(timeout_s, _STEP_S))
+
+    def drain(self, progress: Callable[[], int], limit_s: float) -> None:
+        """Runs callbacks until `progress` has stood still for a moment, at most `limit_s`."""
+        start = moved = time.monotonic()
+        while time.monotonic() - moved < _SETTLED_S and time.monotonic() - start < limit_s:
+            before = progress()
+            self.once(0.0)
+            if progress() != before:
+                moved = time.monotonic()
+
+
+class StabNode(Node):
+    """A node with diagnostics, steady timers, and parameters that may be given to the constructor."""
+
+    def __init__(self, name: str, given: Mapping[str, Any] | None = None) -> None:
+        overrides = [Parameter(key, value=value) for key, value in (given or {}).items()]
+        try:  # the overrides are declared as they come, so that `params.declare` can judge them
+            super().__init__(name, automatically_declare_parameters_from_overrides=True, parameter_overrides=overrides)
+        except ValueError as error:
+            raise ConfigError(f"a parameter was given an empty value, it must be left out instead ({error})") from error
+        self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+
+    def prepare(self) -> None:
+        """What takes long and may be interrupted by a signal."""
+
+    def work(self, spinner: Spinner) -> None:
+        """The node's life; returns when `spinner.stopping`, or when there is nothing left to do."""
+        while not spinner.stopping:
+            spinner.once()
+
+    def every(self, period_s: float, callback: Callable[[], None]) -> None:
+        """Calls back by the machine's clock, also while a simulated clock stands still."""
+        self.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def report(self, level: int, message: str, values: Mapping[str, str]) -> None:
+        """One status on /diagnostics, named as the node and with its namespace as hardware."""
+        now_ns = self.get_clock().now().nanoseconds
+        name = self.get_fully_qualified_name().lstrip("/")
+        self._diagnostics.publish(diagnostics_cdr(now_ns, name, self.get_namespace(), level, message, values))
+
+
+def run(make: Callable[[], StabNode], stop: StopRequest) -> int:
+    """A node from start to end, exit code 0.
+
+    Raises:
+        InputError: bad ROS arguments or parameters. WorkError: the node's work broke off.
+    """
+    keep_freed_memory()
+    _init()
+    try:
+        node = make()
+        node.prepare()
+        stop.defer()
+        _spin(node, stop)
+    finally:
+        rclpy.try_shutdown()
+    return 0
+
+
+def _spin(node: StabNode, stop: StopRequest) -> None:
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        node.work(Spinner(executor, stop))
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+
+
+def _init() -> None:
+    set_logger_level("rcl", LoggingSeverity.FATAL)  # rcl would print its own line beside ours
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except rclpy_implementation.RCLError as error:
+        raise InputError(f"the ROS arguments cannot be used: {str(error).split(', at ')[0]}") from error
+    set_logger_level("rcl", LoggingSeverity.UNSET)
+
+
+def message_class(msgtype: str) -> Any:
+    """The class of a message type such as `sensor_msgs/msg/Image`.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    package, _, name = msgtype.partition("/msg/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise InputError(f"message type {msgtype} is not installed") from error
+
+
+def keep_freed_memory() -> None:
+    """Lets malloc keep the blocks of past images for the next ones: a third less CPU for large frames (glibc)."""
+    if any(name.startswith("MALLOC_") for name in os.environ):
+        return  # the user has tuned it
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        mallopt(_M_MMAP_THRESHOLD, 1 << 26)
+        mallopt(_M_TRIM_THRESHOLD, 1 << 27)

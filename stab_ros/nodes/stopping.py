@@ -1,0 +1,54 @@
+"""SIGINT and SIGTERM, any number of them and at any time, end a node with exit code 0.
+
+rclpy's own handlers shut the context down at once, with messages still queued; so a node installs these instead, and
+before the heavy imports, so that a Ctrl-C during start is a clean end too.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable
+from types import FrameType
+
+from stab_ros.core.errors import InputError, StabRosError
+
+
+class StopRequest:
+    """The wish to end: raises KeyboardInterrupt while the process starts, only notes it once `defer` was called."""
+
+    def __init__(self) -> None:
+        self.requested = False
+        self._deferred = False
+
+    def defer(self) -> None:
+        """From now on work is not interrupted; whoever works looks at `requested`."""
+        self._deferred = True
+
+    def on_signal(self, _number: int, _frame: FrameType | None) -> None:
+        first, self.requested = not self.requested, True
+        if first and not self._deferred:
+            raise KeyboardInterrupt
+
+
+def until_stopped(body: Callable[[StopRequest], int]) -> int:
+    """The exit code of `body`; 0 if a signal ended it during its start."""
+    stop = StopRequest()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, stop.on_signal)
+    try:
+        return body(stop)
+    except KeyboardInterrupt:
+        return 0
+    finally:  # what remains is the end of the process, which a further signal must not turn into a failure
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+
+
+def node_main(name: str, body: Callable[[StopRequest], int]) -> int:
+    """`until_stopped` for an executable: an error of ours is one line on stderr and exit code 2 (input) or 1 (work)."""
+    try:
+        return until_stopped(body)
+    except StabRosError as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        return 2 if isinstance(error, InputError) else 1
