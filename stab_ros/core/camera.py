@@ -31,7 +31,8 @@ class Camera:
         if self.K.shape != (3, 3) or not (np.isfinite(self.K).all() and np.isfinite(self.D).all()):
             raise InputError("camera_info: K must be 3x3 and K and D finite")
         if self.K[0, 0] <= 0 or self.K[1, 1] <= 0 or tuple(self.K[2]) != (0.0, 0.0, 1.0):
-            raise InputError("camera_info: K is not calibrated, it must have positive focal lengths and a last row 0 0 1")
+            raise InputError("camera_info: K is not calibrated, it must have positive focal lengths "
+                             "and a last row 0 0 1")
         if len(self.D) and len(self.D) not in COEFFICIENTS.get(self.model, ()):
             raise InputError(f"camera_info: {len(self.D)} coefficients do not fit distortion_model {self.model!r}, "
                              f"it must be one of {', '.join(COEFFICIENTS)}")

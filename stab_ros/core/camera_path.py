@@ -1,7 +1,7 @@
 """A pinhole camera over the plane z = 0 and the path it flies: the exact homography of every frame.
 
 World: x to the right and y to the lower edge of a nominal picture, z into the ground, metres; the camera stands at
-z = -height and looks down. Its own axes are x right, y down, z along the view, so that pose zero sees the ground upright.
+z = -height and looks down. Its own axes are x right, y down, z along the view: unturned, it sees the ground upright.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Motion:
         values = []
         for name, phase, own in zip(names, phases, spread, strict=True):
             angle = 2 * math.pi * self.sway_hz * own * time_s
-            wave = sum(a * math.sin(f * angle + p) for (f, a), p in zip(_WAVES, phase, strict=True))
+            wave = math.fsum(a * math.sin(f * angle + p) for (f, a), p in zip(_WAVES, phase, strict=True))
             values.append(getattr(self.sway, name) * wave)
         return Pose(*values)
 
@@ -91,7 +91,7 @@ class PinholeCamera:
     def image_H_plane(self, pose: Pose) -> Homography:
         """Maps a ground point (x, y), m, to the pixel that sees it: K R [e1 e2 -C]."""
         centre = np.array([pose.x_m, pose.y_m, -pose.height_m])
-        return np.asarray(self.K @ _rotation(pose) @ np.column_stack([np.eye(3)[:, :2], -centre]))
+        return product(self.K, product(_rotation(pose), np.column_stack([np.eye(3)[:, :2], -centre])))
 
 
 def _rotation(pose: Pose) -> FloatArray:
@@ -102,4 +102,16 @@ def _rotation(pose: Pose) -> FloatArray:
     yaw = np.array([[cy, sy, 0], [-sy, cy, 0], [0, 0, 1.0]])
     pitch = np.array([[1.0, 0, 0], [0, cp, sp], [0, -sp, cp]])
     roll = np.array([[cr, 0, -sr], [0, 1.0, 0], [sr, 0, cr]])
-    return np.asarray(roll @ pitch @ yaw)
+    return product(roll, product(pitch, yaw))
+
+
+def product(A: FloatArray, B: FloatArray) -> FloatArray:
+    """A B of (3, 3) matrices, to the same last bit on every machine: BLAS and numpy's sums keep no fixed order."""
+    return np.asarray(A[:, :1] * B[:1] + A[:, 1:2] * B[1:2] + A[:, 2:] * B[2:])
+
+
+def inverse(A: FloatArray) -> FloatArray:
+    """The inverse of a (3, 3) matrix by its cofactors, likewise."""
+    cofactors = np.stack([np.cross(A[1], A[2]), np.cross(A[2], A[0]), np.cross(A[0], A[1])], axis=1)
+    a, b, c = A[0] * cofactors[:, 0]
+    return np.asarray(cofactors / (a + b + c))

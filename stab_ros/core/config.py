@@ -6,6 +6,7 @@ The node declares its ROS parameters from these fields, the command line checks 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -30,10 +31,12 @@ def setting(default: Value, doc: str, low: float | None = None, high: float | No
     return field(default=default, metadata={"range": Range(doc, low, high, choices)})
 
 
-def range_of(config_field: dataclasses.Field[Any]) -> Range:
-    found = config_field.metadata["range"]
-    assert isinstance(found, Range)
-    return found
+def settings_of(config: Any) -> Iterator[tuple[str, Value, Range]]:
+    """Name, default and range of every `setting` field of a settings dataclass (or an instance of one)."""
+    for item in dataclasses.fields(config):
+        if "range" in item.metadata:
+            default: Any = item.default
+            yield item.name, default, item.metadata["range"]
 
 
 def checked(name: str, value: Value, default: Value, limits: Range) -> Value:
@@ -60,7 +63,5 @@ class Checked:
     """Base of all settings: validates every field on construction."""
 
     def __post_init__(self) -> None:
-        for item in dataclasses.fields(self):  # type: ignore[arg-type]
-            if "range" in item.metadata:
-                value = checked(item.name, getattr(self, item.name), item.default, range_of(item))
-                object.__setattr__(self, item.name, value)
+        for name, default, limits in settings_of(self):
+            object.__setattr__(self, name, checked(name, getattr(self, name), default, limits))

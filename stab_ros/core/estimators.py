@@ -18,9 +18,9 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
+from stab_ros.core import _gauss_newton as gn
 from stab_ros.core.geometry import apply
 from stab_ros.core.models import PARAMETERS, Basis, minimal_homographies, minimal_points, nearest
 from stab_ros.core.types import Correspondences, Fit, FloatArray, Homography, IdArray
@@ -31,25 +31,26 @@ _BATCH = 50
 _POLISH = 10
 _CONVERGED_PX = 1e-4
 _TABLE = 1024  # steps of r^2 / threshold^2
-_LEAST_TRUST = 0.1  # a feature trusted less is no inlier, wherever it lies
+_TRUSTED = 0.5  # samples are drawn among features trusted more
 _SEED = 20201020
 
 
 @dataclass(frozen=True, eq=False)
 class Kernel:
-    """How a residual counts: `weight` and `loss` over r^2 / threshold^2 in [0, 1]; beyond, 0 and 1."""
+    """How a residual counts: `weight` and `loss` over r^2 / threshold^2 in [0, 1]; from there on, `beyond` and 1."""
 
     weight: FloatArray
     loss: FloatArray
+    beyond: float
     searches: bool
 
     @staticmethod
     def least_squares() -> Kernel:
-        return Kernel(np.ones(_TABLE), np.linspace(0, 1, _TABLE), searches=False)
+        return Kernel(np.ones(_TABLE), np.linspace(0, 1, _TABLE), beyond=1.0, searches=False)
 
     @staticmethod
     def ransac() -> Kernel:
-        return Kernel(np.ones(_TABLE), np.zeros(_TABLE), searches=True)
+        return Kernel(np.ones(_TABLE), np.zeros(_TABLE), beyond=0.0, searches=True)
 
     @staticmethod
     def magsac() -> Kernel:
@@ -58,7 +59,7 @@ class Kernel:
         upper = np.array([math.erfc(math.sqrt(t * k2 / 2)) for t in squared])  # Gamma(1/2, x) / sqrt(pi)
         weight = (upper - upper[-1]) / (upper[0] - upper[-1])
         loss = np.concatenate([[0.0], np.cumsum((weight[1:] + weight[:-1]) / 2)])
-        return Kernel(weight, loss / loss[-1], searches=True)
+        return Kernel(weight, loss / loss[-1], beyond=0.0, searches=True)
 
 
 ESTIMATORS = {"least_squares": Kernel.least_squares(), "ransac": Kernel.ransac(), "magsac": Kernel.magsac()}
@@ -79,13 +80,34 @@ class Problem:
 
     @staticmethod
     def of(pairs: Correspondences, trust: FloatArray, model: str, threshold_px: float) -> Problem:
-        strongest = np.linalg.eigvalsh(pairs.information)[:, 1]
-        shape = pairs.information / strongest[:, None, None]
+        shape = pairs.information / strongest(pairs.information)[:, None, None]
         return Problem(pairs, shape, trust, Basis.around(model, pairs.reference_px), threshold_px)
 
-    def squared(self, H: Homography) -> FloatArray:
+    def softened(self, sigma_px: float) -> Problem:
+        """The same features with an independent error of `sigma_px` more each: (Omega^-1 + sigma^2 I)^-1."""
+        information = self.pairs.information
+        softer = np.linalg.inv(np.linalg.inv(information) + sigma_px**2 * np.eye(2))
+        return dataclasses.replace(self, pairs=dataclasses.replace(self.pairs, information=softer))
+
+    def squared(self, H: Homography, threshold_px: float) -> FloatArray:
         """Squared residuals over the squared threshold, (N,)."""
-        return np.asarray(_squared(H, self.pairs.reference_px, self.pairs.current_px, self.shape)) / self.threshold_px**2
+        pairs = self.pairs
+        return np.asarray(gn.squared_residuals(H, pairs.reference_px, pairs.current_px, self.shape)) / threshold_px**2
+
+    def least_loss(self, kernel: Kernel, candidates: FloatArray) -> tuple[int, float]:
+        """The best of (M, 3, 3) candidates (-1: there are none) and its loss."""
+        pairs = self.pairs
+        best, loss = gn.least_loss(candidates, pairs.reference_px, pairs.current_px, self.shape, self.trust,
+                                   kernel.loss, self.threshold_px**-2)
+        return int(best), float(loss)
+
+    def polish(self, kernel: Kernel, H: Homography, threshold_px: float) -> Homography | None:
+        """Iteratively re-weighted Gauss-Newton from H; None where the features that count determine nothing."""
+        pairs, basis = self.pairs, self.basis
+        found, polished = gn.polish(H, pairs.reference_px, pairs.current_px, pairs.information, self.shape, self.trust,
+                                    kernel.weight, kernel.beyond, threshold_px, basis.centre, basis.radius,
+                                    PARAMETERS[basis.model], _POLISH, _CONVERGED_PX)
+        return polished if found else None
 
 
 def fit(pairs: Correspondences, model: str, estimator: str, threshold_px: float, guess: Homography,
@@ -99,7 +121,11 @@ def fit(pairs: Correspondences, model: str, estimator: str, threshold_px: float,
     problem = Problem.of(pairs, np.ones(len(pairs)) if trust is None else trust, model, threshold_px)
     kernel = ESTIMATORS[estimator]
     guess = nearest(model, guess, pairs.current_px)
-    H = _search(problem, kernel, guess) if kernel.searches else _polish(problem, kernel, guess, _POLISH)
+    H = _search(problem, kernel, guess) if kernel.searches else problem.polish(kernel, guess, threshold_px)
+    if H is None:
+        return None
+    problem = problem.softened(_relief_px(problem, H))
+    H = problem.polish(kernel, H, threshold_px)
     return None if H is None else _report(problem, kernel, H)
 
 
@@ -111,18 +137,25 @@ def refine(pairs: Correspondences, model: str, threshold_px: float, guess: Homog
     return _narrow_down(Problem.of(pairs, trust, model, threshold_px), ESTIMATORS["magsac"], guess)
 
 
+def strongest(information: FloatArray) -> FloatArray:
+    """The larger eigenvalue of each of (N, 2, 2): (N,)."""
+    xx, xy, yy = information[:, 0, 0], information[:, 0, 1], information[:, 1, 1]
+    return np.asarray((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))
+
+
 def _search(problem: Problem, kernel: Kernel, guess: Homography) -> Homography | None:
     """LO-RANSAC: the best of the narrowed-down guess and of polished samples, drawn until one more cannot matter."""
     best = _narrow_down(problem, kernel, guess)
-    least = math.inf if best is None else _loss(problem, kernel, best)
+    least = math.inf if best is None else problem.least_loss(kernel, best[None])[1]
     drawn = 0
     for samples in _samples(problem):
         if drawn >= _samples_needed(problem, least):
             break
         drawn += len(samples)
-        polished = _polish(problem, kernel, _best_sample(problem, kernel, samples), _POLISH)
-        if polished is not None and _loss(problem, kernel, polished) < least:
-            best, least = polished, _loss(problem, kernel, polished)
+        candidate = _polished_sample(problem, kernel, samples)
+        loss = math.inf if candidate is None else problem.least_loss(kernel, candidate[None])[1]
+        if loss < least:
+            best, least = candidate, loss
     return best
 
 
@@ -130,16 +163,15 @@ def _narrow_down(problem: Problem, kernel: Kernel, guess: Homography) -> Homogra
     """From the guess through ever smaller thresholds (graduated non-convexity), for a guess that is a few px off."""
     H: Homography | None = guess
     for factor in (64.0, 16.0, 4.0, 1.0):
-        wide = dataclasses.replace(problem, threshold_px=problem.threshold_px * factor)
-        H = _polish(wide, kernel, H, _POLISH)
+        H = None if H is None else problem.polish(kernel, H, factor * problem.threshold_px)
     return H
 
 
 def _samples(problem: Problem) -> Iterator[IdArray]:
-    """Batches of minimal samples, (_BATCH, n) indices, trusted features before all; the same ones at every call."""
+    """Batches of minimal samples, (_BATCH, n) indices, of trusted features where there are; the same at every call."""
     draw = np.random.default_rng(_SEED)
     n = minimal_points(problem.basis.model)
-    pool = np.flatnonzero(problem.trust > 0.5)
+    pool = np.flatnonzero(problem.trust > _TRUSTED)
     pool = pool if len(pool) >= 2 * n else np.arange(len(problem.pairs))
     for _ in range(_MAX_SAMPLES // _BATCH):
         samples = pool[draw.integers(0, len(pool), (_BATCH, n))]
@@ -154,141 +186,54 @@ def _samples_needed(problem: Problem, loss: float) -> float:
     return 0.0 if clean >= 1.0 else math.log(1 - _CONFIDENCE) / math.log(1 - clean)
 
 
-def _best_sample(problem: Problem, kernel: Kernel, samples: IdArray) -> Homography | None:
+def _polished_sample(problem: Problem, kernel: Kernel, samples: IdArray) -> Homography | None:
+    """The best of the samples' homographies, then fitted to all that agrees with it."""
     pairs = problem.pairs
     candidates = minimal_homographies(problem.basis.model, pairs.current_px[samples], pairs.reference_px[samples])
-    if not len(candidates):
-        return None
-    losses = [_loss(problem, kernel, H) for H in candidates]
-    return np.asarray(candidates[int(np.argmin(losses))])
+    best = problem.least_loss(kernel, candidates)[0]
+    return None if best < 0 else problem.polish(kernel, candidates[best], problem.threshold_px)
 
 
-def _polish(problem: Problem, kernel: Kernel, H: Homography | None, steps: int) -> Homography | None:
-    """Iteratively re-weighted Gauss-Newton from H; None where the features that count do not determine the model."""
-    for _ in range(steps):
-        if H is None:
-            return None
-        weight = _agreement(problem, kernel, H) * problem.trust
-        delta = _solve(*_normal_equations(problem, weight, H))
-        if delta is None:
-            return None
-        H = problem.basis.compose(delta, H)
-        if float(np.abs(delta).max()) < _CONVERGED_PX:
-            break
-    return H
+def _relief_px(problem: Problem, H: Homography) -> float:
+    """How far the inliers scatter beyond what their information says: relief of the ground, compression, leaves.
 
-
-def _agreement(problem: Problem, kernel: Kernel, H: Homography) -> FloatArray:
-    """(N,) in [0, 1]: the kernel's weight of each residual; least squares knows no threshold."""
-    squared = problem.squared(H)
-    weight = kernel.weight[np.minimum(squared * (_TABLE - 1), _TABLE - 1).astype(np.int64)]
-    return np.asarray(np.where((squared < 1) | (not kernel.searches), weight, 0.0))
-
-
-def _loss(problem: Problem, kernel: Kernel, H: Homography) -> float:
+    Robust moment estimate of the between-feature spread in a random-effects model (DerSimonian and Laird 1986), along
+    each feature's best determined direction.
+    """
     pairs = problem.pairs
-    return float(_total_loss(H, pairs.reference_px, pairs.current_px, problem.shape, problem.trust,
-                             kernel.loss, problem.threshold_px**-2))
-
-
-def _normal_equations(problem: Problem, weight: FloatArray, H: Homography) -> tuple[FloatArray, FloatArray]:
-    """Sum of w J^T Omega J and of w J^T Omega e over the features."""
-    pairs, basis = problem.pairs, problem.basis
-    return _accumulate(H, pairs.reference_px, pairs.current_px, pairs.information, weight,  # type: ignore[no-any-return]
-                       basis.centre, basis.radius, PARAMETERS[basis.model])
-
-
-def _solve(normal: FloatArray, right: FloatArray) -> FloatArray | None:
-    """The step, or None where `normal` is singular."""
-    scale = np.sqrt(np.diag(normal))
-    if not (scale > 0).all():
-        return None
-    conditioned = normal / np.outer(scale, scale)
-    if np.linalg.eigvalsh(conditioned)[0] < 1e-10:
-        return None
-    return np.asarray(np.linalg.solve(conditioned, right / scale) / scale)
+    inlier = problem.squared(H, problem.threshold_px) < 1
+    if not inlier.any():
+        return 0.0
+    information = pairs.information[inlier]
+    xx, xy, yy = information[:, 0, 0], information[:, 0, 1], information[:, 1, 1]
+    angle = np.arctan2(2 * xy, xx - yy) / 2  # of the larger principal axis
+    error = pairs.reference_px[inlier] - apply(H, pairs.current_px[inlier])
+    spread = 1.4826 * float(np.median(np.abs(error[:, 0] * np.cos(angle) + error[:, 1] * np.sin(angle))))
+    return math.sqrt(max(0.0, spread**2 - float(np.median(1 / strongest(information)))))
 
 
 def _report(problem: Problem, kernel: Kernel, H: Homography) -> Fit | None:
-    agreement = _agreement(problem, kernel, H)
-    inlier = (problem.squared(H) < 1) & (problem.trust > _LEAST_TRUST)
-    covariance = _covariance(problem, agreement * problem.trust, H)
+    squared = problem.squared(H, problem.threshold_px)
+    inlier = squared < 1
+    covariance = _covariance(problem, gn.weigh(squared, kernel.weight, kernel.beyond) * problem.trust, H)
     if covariance is None or not inlier.any():
         return None
     distance = np.sum((problem.pairs.reference_px - apply(H, problem.pairs.current_px)) ** 2, axis=1)
-    return Fit(H, inlier, agreement, covariance, float(np.sqrt(np.mean(distance[inlier]))))
+    return Fit(H, inlier, covariance, float(np.sqrt(np.mean(distance[inlier]))))
 
 
 def _covariance(problem: Problem, weight: FloatArray, H: Homography) -> FloatArray | None:
-    """Sandwich estimate N^-1 (sum w^2 J^T Omega e e^T Omega J) N^-1, at least N^-1, in entries of H (8, 8).
+    """Of the entries of H (8, 8): N^-1, inflated where the residuals are larger than their information claims.
 
-    The sandwich (Huber 1967) lets the residuals themselves say how far the claimed information may be believed.
+    The inflation is the mean ratio of the sandwich estimate N^-1 (sum s s^T) N^-1, s = w J^T Omega e (Huber 1967), to
+    N^-1: the residuals themselves say how far the claimed information may be believed.
     """
-    normal, right = _normal_equations(problem, weight, H)
-    if _solve(normal, right) is None:
+    pairs, basis = problem.pairs, problem.basis
+    normal, right, scatter = gn.accumulate(H, pairs.reference_px, pairs.current_px, pairs.information, weight,
+                                           basis.centre, basis.radius, PARAMETERS[basis.model])
+    if not gn.solve(normal, right)[0]:
         return None
-    mapped = apply(H, problem.pairs.current_px)
-    weighted_e = np.einsum("n,nij,nj->ni", weight, problem.pairs.information, problem.pairs.reference_px - mapped)
-    score = np.einsum("nik,ni->nk", problem.basis.motions(mapped), weighted_e)
     inverse = np.linalg.inv(normal)
-    sandwich = inverse @ (score.T @ score) @ inverse
-    excess = max(1.0, float(np.trace(sandwich @ normal)) / len(normal))
-    to_entries = problem.basis.entry_jacobian(H)
+    excess = max(1.0, float(np.trace(inverse @ scatter)) / len(normal))
+    to_entries = basis.entry_jacobian(H)
     return np.asarray(to_entries @ (inverse * excess) @ to_entries.T)
-
-
-@numba.njit(cache=True, nogil=True)
-def _accumulate(H: FloatArray, reference: FloatArray, current: FloatArray, information: FloatArray, weight: FloatArray,
-                centre: FloatArray, radius: float, k: int) -> tuple[FloatArray, FloatArray]:
-    """`_normal_equations` in one pass; its motions are those of `Basis.motions`."""
-    normal, right = np.zeros((k, k)), np.zeros(k)
-    along_x, along_y, weighted_x, weighted_y = np.empty(8), np.empty(8), np.empty(8), np.empty(8)
-    for i in range(len(current)):
-        if weight[i] <= 0:
-            continue
-        w = H[2, 0] * current[i, 0] + H[2, 1] * current[i, 1] + H[2, 2]
-        mapped_x = (H[0, 0] * current[i, 0] + H[0, 1] * current[i, 1] + H[0, 2]) / w
-        mapped_y = (H[1, 0] * current[i, 0] + H[1, 1] * current[i, 1] + H[1, 2]) / w
-        x, y = (mapped_x - centre[0]) / radius, (mapped_y - centre[1]) / radius
-        along_x[0], along_x[1], along_x[2], along_x[3] = 1.0, 0.0, -y, x
-        along_x[4], along_x[5], along_x[6], along_x[7] = x, y, x * x, x * y
-        along_y[0], along_y[1], along_y[2], along_y[3] = 0.0, 1.0, x, y
-        along_y[4], along_y[5], along_y[6], along_y[7] = -y, x, x * y, y * y
-        xx, xy = weight[i] * information[i, 0, 0], weight[i] * information[i, 0, 1]
-        yy = weight[i] * information[i, 1, 1]
-        ex, ey = reference[i, 0] - mapped_x, reference[i, 1] - mapped_y
-        for a in range(k):
-            weighted_x[a] = xx * along_x[a] + xy * along_y[a]
-            weighted_y[a] = xy * along_x[a] + yy * along_y[a]
-            right[a] += weighted_x[a] * ex + weighted_y[a] * ey
-            for b in range(a + 1):
-                normal[a, b] += weighted_x[a] * along_x[b] + weighted_y[a] * along_y[b]
-    for a in range(k):
-        for b in range(a):
-            normal[b, a] = normal[a, b]
-    return normal, right
-
-
-@numba.njit(cache=True, nogil=True)
-def _squared(H: FloatArray, reference: FloatArray, current: FloatArray, shape: FloatArray) -> FloatArray:
-    """Squared residual of every feature, px^2."""
-    out = np.empty(len(current))
-    for i in range(len(current)):
-        x, y = current[i, 0], current[i, 1]
-        w = H[2, 0] * x + H[2, 1] * y + H[2, 2]
-        ex = reference[i, 0] - (H[0, 0] * x + H[0, 1] * y + H[0, 2]) / w
-        ey = reference[i, 1] - (H[1, 0] * x + H[1, 1] * y + H[1, 2]) / w
-        out[i] = ex * ex * shape[i, 0, 0] + 2 * ex * ey * shape[i, 0, 1] + ey * ey * shape[i, 1, 1]
-    return out
-
-
-@numba.njit(cache=True, nogil=True)
-def _total_loss(H: FloatArray, reference: FloatArray, current: FloatArray, shape: FloatArray, trust: FloatArray,
-                table: FloatArray, per_squared_px: float) -> float:
-    """Sum of the trust-weighted losses; a feature beyond the threshold counts 1."""
-    squared = _squared(H, reference, current, shape)
-    total, last = 0.0, len(table) - 1
-    for i in range(len(squared)):
-        t = squared[i] * per_squared_px
-        total += trust[i] * (table[int(t * last)] if t < 1 else 1.0)
-    return total

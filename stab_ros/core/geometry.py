@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stab_ros.core.types import FloatArray, Homography
+from stab_ros.core.types import BoolArray, FloatArray, Homography
 
 GRID = 9  # the contract's grid of frame pixels: linspace(0, w-1, 9) x linspace(0, h-1, 9)
 
@@ -55,6 +55,11 @@ def level_scale(level: int) -> Homography:
     return np.array([[k, 0.0, k / 2 - 0.5], [0.0, k, k / 2 - 0.5], [0.0, 0.0, 1.0]])
 
 
+def inside(points: FloatArray, size: tuple[int, int]) -> BoolArray:
+    """Which of `points` (N, 2) lie in a picture of `size` (width, height): (N,) bool."""
+    return np.asarray(((points >= 0) & (points <= np.array(size) - 1)).all(axis=1))
+
+
 def is_plausible(H: Homography, size: tuple[int, int], max_scale: float = 4.0) -> bool:
     """Whether a camera over a plane could have made H: in front of it, not mirrored, scale within reason, overlap.
 
@@ -70,6 +75,4 @@ def is_plausible(H: Homography, size: tuple[int, int], max_scale: float = 4.0) -
     area = np.linalg.det(H) / w**3  # determinant of the local Jacobian of a homography
     if area.min() < max_scale**-2 or area.max() > max_scale**2:
         return False
-    mapped = apply(H, points)
-    inside = (mapped >= 0).all(axis=1) & (mapped <= np.array(size) - 1).all(axis=1)
-    return bool(inside.any())
+    return bool(inside(apply(H, points), size).any())

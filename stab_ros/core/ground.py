@@ -1,14 +1,14 @@
 """The river bed as a picture of the ground: banks, islands, stones, grass, control points, and where the water is.
 
-Made once per flight, in ground coordinates at twice the picture's resolution, and blurred so that it holds nothing finer
-than the picture can show: then sampling it is exact to a few thousandths of a pixel.
+Made once per flight, in ground coordinates, finer than the picture, and blurred so that it holds nothing the picture
+cannot show: then the truth is unbiased to a thousandth of a pixel.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numba
 import numpy as np
@@ -18,10 +18,15 @@ from stab_ros.core.river import Preset, Share
 from stab_ros.core.textures import Texture, natural_texture, sample_texture, smooth_step
 from stab_ros.core.types import FloatArray, Gray
 
+Floats: TypeAlias = NDArray[np.float32]
+Place: TypeAlias = tuple[float, float, float]  # x, y of texel (0, 0) and texel pitch, m
+
 COARSE = 8  # flow and tint are kept for every 8th texel
-_BLUR_TEXELS = 0.75
+_BLUR_TEXELS = 0.85
 _SUN = (-0.6, -0.5)  # where the light comes from, in the picture
-_STONES = 12000  # per nominal picture's area
+# how many in the nominal picture; smallest, largest (shares of the picture height) and power law of their sizes
+_STONES = (16000, (0.0014, 0.016, 1.9))
+_BUSHES = (2500, (0.007, 0.03, 2.5))
 _GRAVEL_TINT, _GRASS_TINT, _WATER_TINT = (0.90, 0.99, 1.06), (0.62, 1.08, 0.98), (1.06, 1.06, 0.80)
 
 
@@ -45,8 +50,8 @@ class Ground:
     extent: Extent
     brightness: Gray
     water: Gray
-    flow: NDArray[np.float32]
-    tint: NDArray[np.float32]
+    flow: Floats
+    tint: Floats
 
 
 class Layout(NamedTuple):
@@ -92,7 +97,8 @@ def make_ground(preset: Preset, extent: Extent, seed: int, still: Gray | None = 
     if still is None:
         rough, grass = natural_texture([seed, 11], 1.1, 64.0), natural_texture([seed, 12], 0.8, 10.0)
         _fill_land(layout, place, shore, rough, grass, land, tint)
-        _drop_stones(layout, place, shore, _stones(preset, extent, seed), land)
+        _drop_stones(layout, place, shore, rough, _scatter(preset, extent, seed, *_STONES), land)
+        _plant_bushes(layout, place, shore, grass, _scatter(preset, extent, seed, *_BUSHES), land)
     else:
         _fill_still(still, place, layout.unit_m, land)
     _wet_shore(layout, place, shore, land, tint)
@@ -102,37 +108,38 @@ def make_ground(preset: Preset, extent: Extent, seed: int, still: Gray | None = 
 
 
 @numba.njit(cache=True)
-def depth_m(layout, shore, x, y):  # type: ignore[no-untyped-def]
+def depth_m(layout: Layout, shore: Texture, x: float, y: float) -> float:
     """Distance to the nearest shore, positive in the water."""
     depth = layout.half_width_m - abs(y - centre_line(layout, x))
     for k in range(len(layout.islands)):
         cx, cy, a, b = layout.islands[k]
         depth = min(depth, (math.hypot((x - cx) / a, (y - cy) / b) - 1) * min(a, b))
     scale = 700.0 / layout.unit_m
-    return depth + 0.016 * layout.unit_m * sample_texture(shore, x * scale, y * scale)
+    return float(depth + 0.016 * layout.unit_m * sample_texture(shore, x * scale, y * scale))
 
 
 @numba.njit(cache=True)
-def centre_line(layout, x):  # type: ignore[no-untyped-def]
+def centre_line(layout: Layout, x: float) -> float:
+    """The y of mid-stream at x, m."""
     return layout.centre_m + layout.bend_m * math.sin(layout.bend_per_m * x + 0.6)
 
 
 @numba.njit(cache=True)
-def _grass_share(layout, shore, depth, x, y):  # type: ignore[no-untyped-def]
+def _grass_share(layout: Layout, shore: Texture, depth: float, x: float, y: float) -> float:
     """0 on the gravel near the water, 1 on the meadow behind."""
     scale = 500.0 / layout.unit_m
     patch = sample_texture(shore, x * scale + 311, y * scale + 97)
-    return smooth_step(-0.04, 0.04, -depth / layout.unit_m - 0.11 + 0.05 * patch)
+    return float(smooth_step(-0.04, 0.04, -depth / layout.unit_m - 0.11 + 0.05 * patch))
 
 
 @numba.njit(cache=True)
-def _fill_water(layout, place, shore, water, flow):  # type: ignore[no-untyped-def]
+def _fill_water(layout: Layout, place: Place, shore: Texture, water: Gray, flow: Floats) -> None:
     x0, y0, texel = place
-    soft = 0.004 * layout.unit_m
+    dry, deep = -0.002 * layout.unit_m, 0.022 * layout.unit_m  # between them the bed shows through
     for i in range(water.shape[0]):
         for j in range(water.shape[1]):
             depth = depth_m(layout, shore, x0 + j * texel, y0 + i * texel)
-            water[i, j] = int(255 * smooth_step(-soft, soft, depth) + 0.5)
+            water[i, j] = int(255 * smooth_step(dry, deep, depth) + 0.5)
     for i in range(flow.shape[0]):
         for j in range(flow.shape[1]):
             x = x0 + j * COARSE * texel
@@ -145,7 +152,8 @@ def _fill_water(layout, place, shore, water, flow):  # type: ignore[no-untyped-d
 
 
 @numba.njit(cache=True)
-def _fill_land(layout, place, shore, rough, grass, land, tint):  # type: ignore[no-untyped-def]
+def _fill_land(layout: Layout, place: Place, shore: Texture, rough: Texture, grass: Texture,
+               land: Floats, tint: Floats) -> None:
     x0, y0, texel = place
     scale = 400.0 / layout.unit_m
     for i in range(land.shape[0]):
@@ -154,11 +162,9 @@ def _fill_land(layout, place, shore, rough, grass, land, tint):  # type: ignore[
             green = _grass_share(layout, shore, depth_m(layout, shore, x, y), x, y)
             broad = sample_texture(shore, x * scale + 700, y * scale + 500)
             middle = sample_texture(rough, j * 0.21, i * 0.21)
-            fine = sample_texture(rough, j, i)
-            gravel = 148 + 7 * broad + 9 * middle + 11 * fine
-            bush = smooth_step(0.9, 1.3, broad + 0.35 * middle)
-            leaves = sample_texture(grass, j * 0.8, i * 0.8)
-            meadow = 112 + 9 * broad + 9 * middle + 12 * leaves - bush * (38 - 16 * leaves)
+            gravel = 146 + 7 * broad + 8 * middle + 10 * sample_texture(rough, j, i)
+            blades = sample_texture(grass, j * 0.8, i * 0.8)
+            meadow = 114 + 10 * broad + 8 * middle + 11 * blades
             land[i, j] = gravel + green * (meadow - gravel)
             if i % COARSE == 0 and j % COARSE == 0:
                 for c in range(3):
@@ -166,7 +172,7 @@ def _fill_land(layout, place, shore, rough, grass, land, tint):  # type: ignore[
 
 
 @numba.njit(cache=True)
-def _fill_still(still, place, height_m, land):  # type: ignore[no-untyped-def]
+def _fill_still(still: Gray, place: Place, height_m: float, land: Floats) -> None:
     """Spreads a picture over the nominal picture's height, mirrored at its edges."""
     x0, y0, texel = place
     rows, columns = still.shape
@@ -183,55 +189,72 @@ def _fill_still(still, place, height_m, land):  # type: ignore[no-untyped-def]
             land[i, j] = upper * (1 - fy) + lower * fy
 
 
-def _stones(preset: Preset, extent: Extent, seed: int) -> FloatArray:
-    """(n, 6): x, y, half axes in m, angle, tone in grey levels; sizes by a power law, the largest on top."""
-    rng = np.random.default_rng([seed, 20])
+def _scatter(preset: Preset, extent: Extent, seed: int, density: int, sizes: tuple[float, float, float]) -> FloatArray:
+    """(n, 6): x, y, half axes in m, angle, tone (standard normal), the largest last.
+
+    density: how many in the nominal picture. sizes: smallest and largest, as shares of the picture height, and the
+    exponent of the power law between them.
+    """
+    rng = np.random.default_rng([seed, 20, density])
     width, height = preset.ground_m
     rows, columns = extent.shape
-    area = rows * columns * extent.texel_m**2
-    n = int(_STONES * area / (width * height))
+    n = int(density * rows * columns * extent.texel_m**2 / (width * height))
     x = extent.x_m + rng.random(n) * columns * extent.texel_m
     y = extent.y_m + rng.random(n) * rows * extent.texel_m
-    size = np.minimum(0.0014 * height * (1 - rng.random(n)) ** (-1 / 1.7), 0.022 * height)
-    stones = np.stack([x, y, size, size * rng.uniform(0.55, 1.0, n), rng.uniform(0, math.pi, n),
-                       rng.normal(150, 26, n)], axis=1)
-    return np.asarray(stones[np.argsort(size, kind="stable")])
+    smallest, largest, exponent = sizes
+    size = np.minimum(smallest * (1 - rng.random(n)) ** (-1 / exponent), largest) * height
+    found = np.stack([x, y, size, size * rng.uniform(0.55, 1.0, n), rng.uniform(0, math.pi, n), rng.normal(0, 1, n)], 1)
+    return np.asarray(found[np.argsort(size, kind="stable")])
 
 
 @numba.njit(cache=True)
-def _drop_stones(layout, place, shore, stones, land):  # type: ignore[no-untyped-def]
-    """Stones lie thick on the gravel; in the grass only few of the larger ones."""
+def _drop_stones(layout: Layout, place: Place, shore: Texture, rough: Texture, stones: FloatArray,
+                 land: Floats) -> None:
+    """Stones lie on the gravel and in the shallows."""
     for k in range(len(stones)):
         x, y, a, b, angle, tone = stones[k]
         depth = depth_m(layout, shore, x, y)
-        green = _grass_share(layout, shore, depth, x, y)
-        if green < 0.4 or k % 40 == 0:
-            shift = 0.35 * b
-            _draw_stone(place, x - _SUN[0] * shift, y - _SUN[1] * shift, a, b, angle, -1.0, land)
-            _draw_stone(place, x, y, a, b, angle, max(tone, 40.0), land)
+        if _grass_share(layout, shore, depth, x, y) < 0.35:
+            shift = 0.4 * b
+            _draw_dome(place, x - _SUN[0] * shift, y - _SUN[1] * shift, a, b, angle, 70.0, 0.0, rough, land)
+            _draw_dome(place, x, y, a, b, angle, min(max(150 + 24 * tone, 70.0), 215.0), 8.0, rough, land)
 
 
 @numba.njit(cache=True)
-def _draw_stone(place, x, y, a, b, angle, tone, land):  # type: ignore[no-untyped-def]
-    """A lit dome of half axes a, b with a soft rim; a negative tone draws its shadow."""
+def _plant_bushes(layout: Layout, place: Place, shore: Texture, leaves: Texture, bushes: FloatArray,
+                  land: Floats) -> None:
+    """Bushes stand in groups in the meadow."""
+    scale = 330.0 / layout.unit_m
+    for k in range(len(bushes)):
+        x, y, a, b, angle, tone = bushes[k]
+        depth = depth_m(layout, shore, x, y)
+        group = sample_texture(shore, x * scale + 123, y * scale + 456)
+        if _grass_share(layout, shore, depth, x, y) > 0.9 and group > 0.55:
+            _draw_dome(place, x - 0.6 * a * _SUN[0], y - 0.6 * a * _SUN[1], a, b, angle, 42.0, 5.0, leaves, land)
+            _draw_dome(place, x, y, a, b, angle, 88 + 9 * tone, 15.0, leaves, land)
+
+
+@numba.njit(cache=True)
+def _draw_dome(place: Place, x: float, y: float, a: float, b: float, angle: float, tone: float, grain: float,
+               texture: Texture, land: Floats) -> None:
+    """A dome of half axes a, b, lit by the sun, with an uneven outline and surface; no grain: flat, a shadow."""
     x0, y0, texel = place
     cos, sin = math.cos(angle), math.sin(angle)
-    rim = texel / b
-    for i in range(max(int((y - a - y0) / texel), 0), min(int((y + a - y0) / texel) + 2, land.shape[0])):
-        for j in range(max(int((x - a - x0) / texel), 0), min(int((x + a - x0) / texel) + 2, land.shape[1])):
+    rim, reach = texel / b, 1.25 * a
+    for i in range(max(int((y - reach - y0) / texel), 0), min(int((y + reach - y0) / texel) + 2, land.shape[0])):
+        for j in range(max(int((x - reach - x0) / texel), 0), min(int((x + reach - x0) / texel) + 2, land.shape[1])):
             dx, dy = x0 + j * texel - x, y0 + i * texel - y
             p, q = (cos * dx + sin * dy) / a, (cos * dy - sin * dx) / b
-            radius = math.sqrt(p * p + q * q)
+            radius = math.sqrt(p * p + q * q) + 0.08 * sample_texture(texture, 7 * p + 90 * tone, 7 * q)
             cover = 1 - smooth_step(1 - rim, 1 + rim, radius)
-            if cover <= 0:
-                continue
-            lit = tone + 34 * (dx * _SUN[0] + dy * _SUN[1]) / a - 20 * radius * radius
-            target = land[i, j] * 0.5 if tone < 0 else lit + 0.3 * (land[i, j] - 140)
-            land[i, j] += cover * (target - land[i, j])
+            if cover > 0:
+                lit = (dx * _SUN[0] + dy * _SUN[1]) / a - 0.6 * radius * radius if grain > 0 else 0.0
+                level = tone + 34 * lit + grain * sample_texture(texture, j * 0.9 + 50 * tone, i * 0.9)
+                land[i, j] += cover * (level - land[i, j])
 
 
 @numba.njit(cache=True)
-def _wet_shore(layout, place, shore, land, tint):  # type: ignore[no-untyped-def]
+def _wet_shore(layout: Layout, place: Place, shore: Texture, land: Floats, tint: Floats) -> None:
     """Wet ground is darker; the bed under water takes the water's tint."""
     x0, y0, texel = place
     for i in range(land.shape[0]):
@@ -239,13 +262,13 @@ def _wet_shore(layout, place, shore, land, tint):  # type: ignore[no-untyped-def
             depth = depth_m(layout, shore, x0 + j * texel, y0 + i * texel) / layout.unit_m
             land[i, j] *= 1 - 0.38 * smooth_step(-0.022, -0.002, depth)
             if i % COARSE == 0 and j % COARSE == 0:
-                under = smooth_step(-0.003, 0.006, depth)
+                under = smooth_step(-0.004, 0.02, depth)
                 for c in range(3):
                     tint[i // COARSE, j // COARSE, c] += under * (_WATER_TINT[c] - tint[i // COARSE, j // COARSE, c])
 
 
 @numba.njit(cache=True)
-def _lay_control_point(place, at, size, land):  # type: ignore[no-untyped-def]
+def _lay_control_point(place: Place, at: tuple[float, float], size: float, land: Floats) -> None:
     """A square of `size` with four quadrants, black and white in turn; edges one texel soft."""
     x0, y0, texel = place
     half = size / 2
@@ -258,7 +281,7 @@ def _lay_control_point(place, at, size, land):  # type: ignore[no-untyped-def]
             land[i, j] += cover * (132 + 104 * side - land[i, j])
 
 
-def _blurred(land: NDArray[np.float32]) -> Gray:
+def _blurred(land: Floats) -> Gray:
     """`land` blurred by a Gaussian, as uint8 (rounded); written out here so that every cv2 version gives the same."""
     offsets = np.arange(-3, 4)
     kernel = np.exp(-(offsets**2) / (2 * _BLUR_TEXELS**2))
@@ -266,7 +289,7 @@ def _blurred(land: NDArray[np.float32]) -> Gray:
 
 
 @numba.njit(cache=True)
-def _blur(land, kernel):  # type: ignore[no-untyped-def]
+def _blur(land: Floats, kernel: Floats) -> Gray:
     """Rows in place, then columns into the result."""
     rows, columns = land.shape
     reach = len(kernel) // 2

@@ -1,10 +1,4 @@
-"""Transformation models: translation, similarity, affine, projective, one after the other a larger group.
-
-Each model is a Lie group with a basis of motions v_k(p), and all its fitting is one Gauss-Newton step written once:
-find the small motion sum_k delta_k v_k that best explains what is left between H p and its reference point, and
-compose it with H (Baker and Matthews 2004, "Lucas-Kanade 20 years on", section 3.2, for why composing keeps H in the
-group). Coordinates are centred and scaled by the caller (`Frame2D`), so that all delta_k have the unit px.
-"""
+"""Transformation models: translation, similarity, affine, projective, each a larger group than the one before."""
 
 from __future__ import annotations
 
@@ -12,26 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stab_ros.core._gauss_newton import compose
 from stab_ros.core.geometry import apply
 from stab_ros.core.types import FloatArray, Homography
 
 PARAMETERS = {"translation": 2, "similarity": 4, "affine": 6, "projective": 8}
 MODELS = tuple(PARAMETERS)
-
-# generators of the projective group, (8, 3, 3): tx, ty, rotation, scale, stretch, shear, two tilts
-_GENERATORS = np.array(
-    [
-        [[0, 0, 1], [0, 0, 0], [0, 0, 0]],
-        [[0, 0, 0], [0, 0, 1], [0, 0, 0]],
-        [[0, -1, 0], [1, 0, 0], [0, 0, 0]],
-        [[1, 0, 0], [0, 1, 0], [0, 0, 0]],
-        [[1, 0, 0], [0, -1, 0], [0, 0, 0]],
-        [[0, 1, 0], [1, 0, 0], [0, 0, 0]],
-        [[0, 0, 0], [0, 0, 0], [-1, 0, 0]],
-        [[0, 0, 0], [0, 0, 0], [0, -1, 0]],
-    ],
-    dtype=np.float64,
-)
 
 
 def minimal_points(model: str) -> int:
@@ -41,7 +21,7 @@ def minimal_points(model: str) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Basis:
-    """The motions of a model about `centre` (2,) with points at unit distance `radius`, px."""
+    """The coordinates in which a model's small motions are well conditioned (Hartley 1997): about `centre`, px."""
 
     model: str
     centre: FloatArray
@@ -49,36 +29,17 @@ class Basis:
 
     @staticmethod
     def around(model: str, points: FloatArray) -> Basis:
-        """The basis in which `points` (N, 2) are well conditioned (Hartley 1997)."""
+        """The basis for `points` (N, 2)."""
         centre = points.mean(axis=0)
         radius = float(np.sqrt(np.mean(np.sum((points - centre) ** 2, axis=1))))
         return Basis(model, centre, max(radius, 1.0))
 
-    def motions(self, points: FloatArray) -> FloatArray:
-        """How each parameter, at 1 px, moves each of `points` (N, 2): (N, 2, parameters)."""
-        x, y = ((points - self.centre) / self.radius).T
-        one, zero = np.ones_like(x), np.zeros_like(x)
-        along_x = (one, zero, -y, x, x, y, x * x, x * y)
-        along_y = (zero, one, x, y, -y, x, x * y, y * y)
-        k = PARAMETERS[self.model]
-        return np.stack([np.stack(along_x[:k], axis=1), np.stack(along_y[:k], axis=1)], axis=1)
-
-    def compose(self, delta: FloatArray, H: Homography) -> Homography:
-        """H followed by the small motion `delta` (parameters,), px."""
-        to_unit = np.array([[1, 0, -self.centre[0]], [0, 1, -self.centre[1]], [0, 0, self.radius]]) / self.radius
-        step = np.eye(3) + np.tensordot(delta / self.radius, _GENERATORS[: len(delta)], axes=1)
-        moved = np.linalg.inv(to_unit) @ step @ to_unit @ H
-        return np.asarray(moved / moved[2, 2])
-
     def entry_jacobian(self, H: Homography) -> FloatArray:
-        """Derivative of h00, h01, h02, h10, h11, h12, h20, h21 of `compose(delta, H)` by delta at 0: (8, parameters)."""
-        to_unit = np.array([[1, 0, -self.centre[0]], [0, 1, -self.centre[1]], [0, 0, self.radius]]) / self.radius
-        unit_to = np.linalg.inv(to_unit)
-        columns = []
-        for generator in _GENERATORS[: PARAMETERS[self.model]] / self.radius:
-            moved = unit_to @ generator @ to_unit @ H
-            columns.append((moved - moved[2, 2] * H).ravel()[:8])  # H stays normalised to h22 = 1
-        return np.stack(columns, axis=1)
+        """Derivative of h00, h01, h02, h10, h11, h12, h20, h21 by the motions composed with H: (8, parameters)."""
+        tiny = 1e-4  # px; composing is all but linear, so the central difference is exact to 1e-10
+        steps = np.eye(PARAMETERS[self.model]) * tiny
+        moved = [[compose(sign * step, H, self.centre, self.radius).ravel()[:8] for sign in (1, -1)] for step in steps]
+        return np.stack([(ahead - back) / (2 * tiny) for ahead, back in moved], axis=1)
 
 
 def design_rows(model: str, current_px: FloatArray, reference_px: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -89,18 +50,19 @@ def design_rows(model: str, current_px: FloatArray, reference_px: FloatArray) ->
     x, y = current_px[..., 0], current_px[..., 1]
     u, v = reference_px[..., 0], reference_px[..., 1]
     one, zero = np.ones_like(x), np.zeros_like(x)
+    rows: tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]
+    b: tuple[FloatArray, FloatArray] = (u, v)
     if model == "translation":
         rows, b = ((one, zero), (zero, one)), (u - x, v - y)
     elif model == "similarity":
-        rows, b = ((x, -y, one, zero), (y, x, zero, one)), (u, v)
+        rows = ((x, -y, one, zero), (y, x, zero, one))
     elif model == "affine":
-        rows, b = ((x, y, one, zero, zero, zero), (zero, zero, zero, x, y, one)), (u, v)
+        rows = ((x, y, one, zero, zero, zero), (zero, zero, zero, x, y, one))
     else:
         rows = (
             (x, y, one, zero, zero, zero, -x * u, -y * u),
             (zero, zero, zero, x, y, one, -x * v, -y * v),
         )
-        b = (u, v)
     a = np.concatenate([np.stack(row, axis=-1) for row in rows], axis=-2)
     return a, np.concatenate(b, axis=-1)
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from stab_ros.core.config import Range, Value, checked, range_of
+from stab_ros.core.config import Range, Value, checked, settings_of
 from stab_ros.core.errors import ConfigError
 from stab_ros.core.stabilizer import StabilizerConfig
 from stab_ros.methods import METHODS
@@ -26,19 +26,19 @@ class Parameter:
 _REGION = 'JSON [[[x, y], ...], ...] in reference px, or the path of such a .json or of a PNG mask; "" for none'
 
 
-def _of(config: type[Any], prefix: str = "") -> Iterator[Parameter]:
-    for item in dataclasses.fields(config):
-        if "range" in item.metadata:
-            yield Parameter(prefix + item.name, item.default, range_of(item))
+def parameters_of(config: type[Any], prefix: str = "") -> Iterator[Parameter]:
+    """The parameters that the fields of a settings dataclass stand for."""
+    for name, default, limits in settings_of(config):
+        yield Parameter(prefix + name, default, limits)
 
 
 def _all() -> Iterator[Parameter]:
-    yield from _of(StabilizerConfig)
+    yield from parameters_of(StabilizerConfig)
     yield Parameter("roi", "", Range(f"where static ground is: {_REGION}"))
     yield Parameter("exclude", "", Range(f"what to leave out, e.g. the water: {_REGION}"))
     yield Parameter("use_camera_info", False, Range("remove lens distortion as camera_info describes it"))
     for name, method in METHODS.items():
-        yield from _of(method.Config, f"{name}.")
+        yield from parameters_of(method.Config, f"{name}.")
 
 
 PARAMETERS: Mapping[str, Parameter] = {parameter.name: parameter for parameter in _all()}

@@ -7,7 +7,7 @@ round coordinates to 1/32 px.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numba
 import numpy as np
@@ -15,21 +15,23 @@ from numpy.typing import NDArray
 
 from stab_ros.core.ground import COARSE
 from stab_ros.core.textures import Texture, sample_texture
-from stab_ros.core.types import FloatArray
+from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, Image
+
+Picture: TypeAlias = NDArray[np.float32]  # grey levels, before noise and rounding
 
 _FINE_WAVES, _BROAD_WAVES = 0.5, 0.17  # texels of the texture per texel of ground
 _COLORLESS = np.float32(225)  # what is as bright as this is white: control points, glitter
 
 
 @numba.njit(cache=True, inline="always")
-def _weights(t):  # type: ignore[no-untyped-def]
+def _weights(t: np.float32) -> tuple[np.float32, np.float32, np.float32]:
     """Weights of the three neighbours at t in [-1/2, 1/2] from the middle one: the quadratic B-spline."""
     half = np.float32(0.5)
     return half * (half - t) * (half - t), np.float32(0.75) - t * t, half * (half + t) * (half + t)
 
 
 @numba.njit(cache=True, inline="always")
-def _sample_spline(picture, x, y):  # type: ignore[no-untyped-def]
+def _sample_spline(picture: Gray, x: float, y: float) -> np.float32:
     """uint8 `picture` as the smooth surface whose spline coefficients it holds."""
     column = min(max(int(x + 0.5), 1), picture.shape[1] - 2)
     row = min(max(int(y + 0.5), 1), picture.shape[0] - 2)
@@ -43,7 +45,7 @@ def _sample_spline(picture, x, y):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, inline="always")
-def _sample_linear(picture, x, y):  # type: ignore[no-untyped-def]
+def _sample_linear(picture: Image, x: float, y: float) -> np.float32:
     left = min(max(int(np.floor(x)), 0), picture.shape[1] - 2)
     top = min(max(int(np.floor(y)), 0), picture.shape[0] - 2)
     fx = np.float32(min(max(x - left, 0.0), 1.0))
@@ -55,17 +57,17 @@ def _sample_linear(picture, x, y):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, inline="always")
-def _texel(H, u, v):  # type: ignore[no-untyped-def]
+def _texel(H: Homography, u: float, v: float) -> tuple[float, float]:
     k = 1 / (H[2, 0] * u + H[2, 1] * v + H[2, 2])
     return (H[0, 0] * u + H[0, 1] * v + H[0, 2]) * k, (H[1, 0] * u + H[1, 1] * v + H[1, 2]) * k
 
 
 @numba.njit(cache=True, nogil=True)
-def render_gray(size, texel_H_image, brightness, water, surface):  # type: ignore[no-untyped-def]
+def render_gray(size: tuple[int, int], texel_H_image: Homography, brightness: Gray, water: Gray,
+                surface: Surface) -> Picture:
     """(h, w) float32 grey levels of ground and water, without noise.
 
-    size: width, height, px. texel_H_image: (3, 3), from pixels to texels. brightness, water: (h, w) uint8 of the ground.
-    surface: the state of the water (`Surface`).
+    size: width, height, px. texel_H_image: (3, 3), from pixels to texels. brightness, water: of the ground, (h, w).
     """
     picture = np.empty((size[1], size[0]), np.float32)
     for v in range(size[1]):
@@ -82,7 +84,7 @@ def render_gray(size, texel_H_image, brightness, water, surface):  # type: ignor
 
 
 @numba.njit(cache=True, inline="always")
-def _land_level(texel_H_image, brightness, u, v):  # type: ignore[no-untyped-def]
+def _land_level(texel_H_image: Homography, brightness: Gray, u: int, v: int) -> np.float32:
     total = np.float32(0)
     for dv in (-0.25, 0.25):
         for du in (-0.25, 0.25):
@@ -105,7 +107,7 @@ class Surface(NamedTuple):
 
 
 @numba.njit(cache=True, inline="always")
-def _water_level(surface, u, v, tx, ty):  # type: ignore[no-untyped-def]
+def _water_level(surface: Surface, u: int, v: int, tx: float, ty: float) -> np.float32:
     """Ripples carried by the flow, two generations that fade into each other, and glitter where the sun stands."""
     flow, waves, lives, glint = surface
     along = _sample_linear(flow[:, :, 0], tx / COARSE, ty / COARSE)
@@ -123,7 +125,7 @@ def _water_level(surface, u, v, tx, ty):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def water_mask(size, texel_H_image, water):  # type: ignore[no-untyped-def]
+def water_mask(size: tuple[int, int], texel_H_image: Homography, water: Gray) -> BoolArray:
     """(h, w) bool: where a pixel shows any water."""
     mask = np.zeros((size[1], size[0]), np.bool_)
     for v in range(size[1]):
@@ -134,7 +136,7 @@ def water_mask(size, texel_H_image, water):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def add_tracers(picture, tracers):  # type: ignore[no-untyped-def]
+def add_tracers(picture: Picture, tracers: FloatArray) -> None:
     """Adds floating particles, (n, 4): x, y, sigma in px, height in grey levels; a Gaussian each."""
     for k in range(len(tracers)):
         x, y, sigma, level = tracers[k]
@@ -146,7 +148,7 @@ def add_tracers(picture, tracers):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def colored(picture, texel_H_image, tint):  # type: ignore[no-untyped-def]
+def colored(picture: Picture, texel_H_image: Homography, tint: NDArray[np.float32]) -> Picture:
     """(h, w, 3) float32 bgr from grey levels and the ground's tint."""
     rows, columns = picture.shape
     result = np.empty((rows, columns, 3), np.float32)
@@ -162,7 +164,7 @@ def colored(picture, texel_H_image, tint):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def quantised(picture, noise, gain, offset):  # type: ignore[no-untyped-def]
+def quantised(picture: Picture, noise: Picture, gain: np.float32, offset: np.float32) -> Image:
     """uint8 of gain * picture + offset + noise, rounded; all arrays flat float32."""
     result = np.empty(len(picture), np.uint8)
     for i in range(len(picture)):

@@ -111,8 +111,8 @@ BASENTO = Preset(
         gusts=(
             Gust(1.0, 1.2, Pose(x_m=0.6, y_m=0.35, height_m=-0.25, yaw_deg=4.0)),
             Gust(8.0, 2.0, Pose(x_m=-0.9, y_m=0.5, height_m=0.5, yaw_deg=-9.0, roll_deg=1.0)),
-            Gust(18.0, 1.5, Pose(x_m=0.8, y_m=-1.2, height_m=0.3, yaw_deg=6.0, pitch_deg=-1.5)),
-            Gust(28.0, 2.5, Pose(x_m=-1.0, y_m=1.0, height_m=-0.6, yaw_deg=-5.0)),
+            Gust(18.0, 1.5, Pose(x_m=0.8, y_m=-2.2, height_m=0.1, yaw_deg=6.0, pitch_deg=1.0)),
+            Gust(28.0, 2.5, Pose(x_m=-1.0, y_m=1.6, height_m=-0.4, yaw_deg=-5.0)),
         ),
     ),
     brightness=0.05,

@@ -13,13 +13,24 @@ from stab_ros.core import estimators
 from stab_ros.core.camera import Camera
 from stab_ros.core.config import Checked, setting
 from stab_ros.core.errors import InputError
-from stab_ros.core.geometry import is_plausible, sigma_px
+from stab_ros.core.geometry import apply, inside, is_plausible, sigma_px
 from stab_ros.core.gray import depth_scale, to_gray
 from stab_ros.core.models import MODELS
 from stab_ros.core.reference import Motion, Reference, is_textured
 from stab_ros.core.region import Area
 from stab_ros.core.static_features import StaticFeatures
-from stab_ros.core.types import Correspondences, Fit, Frame, Gray, Homography, Image, Stabilized, State, Track
+from stab_ros.core.types import (
+    BoolArray,
+    Correspondences,
+    Fit,
+    Frame,
+    Gray,
+    Homography,
+    Image,
+    Stabilized,
+    State,
+    Track,
+)
 from stab_ros.core.warp import INTERPOLATION, warp
 from stab_ros.methods import METHODS, Method
 
@@ -37,7 +48,8 @@ class StabilizerConfig(Checked):
     interpolation: str = setting("linear", "of image_stabilized", choices=tuple(INTERPOLATION))
     threshold: float = setting(0.5, "a feature further than this from the fit is an outlier, px", 0.01, 20.0)
     min_inliers: int = setting(12, "with fewer inliers the frame is lost", 4, 10000)
-    min_inlier_share: float = setting(0.1, "with a smaller share of inliers the frame is lost", 0.0, 1.0)
+    min_inlier_share: float = setting(0.1, "with a smaller share of the trusted features in view the frame is lost",
+                                      0.0, 1.0)
     max_sigma: float = setting(1.0, "with a larger uncertainty of the homography the frame is lost, px", 0.001, 100.0)
     method_config: object = None
 
@@ -51,6 +63,7 @@ class Stabilizer:
     def __init__(self, config: StabilizerConfig, area: Area | None = None, camera: Camera | None = None) -> None:
         self._config, self._area, self._camera = config, area or Area(), camera
         self._reference: Reference | None = None
+        self._motion = Motion(np.eye(3), 0)
         self._frames, self._references = 0, 0
 
     def step(self, frame: Frame) -> Stabilized:
@@ -72,7 +85,7 @@ class Stabilizer:
             pairs, fit = self._align(gray, guess)
             if fit is not None and self._accepts(fit, frame.size):
                 self._motion = self._motion.then(fit.ref_H_cur, frame.stamp_ns)
-                self._features.learn(pairs, fit)
+                self._features.learn(pairs, fit, self._in_view(fit.ref_H_cur, frame.size))
                 return self._tracked(index, frame, pairs, fit)
         self._motion = self._motion.standing()
         return self._lost(index, frame, len(pairs))
@@ -98,14 +111,12 @@ class Stabilizer:
         Raises:
             InputError: `area` does not fit the reference; nothing has changed then.
         """
-        reference = self._reference
-        if reference is not None:
-            area.allowed(reference.frame.size)
-        rebuilds = (config.method, config.method_config, area) != (
-            self._config.method, self._config.method_config, self._area)
+        if self._reference is not None:
+            allowed = area.allowed(self._reference.frame.size)
+            same = (config.method, config.method_config) == (self._config.method, self._config.method_config)
+            if not same or not np.array_equal(allowed, self._allowed):
+                self._prepare(self._reference, config, allowed)
         self._config, self._area = config, area
-        if reference is not None and rebuilds:
-            self._prepare(reference)
 
     @property
     def reference(self) -> Frame | None:
@@ -136,21 +147,20 @@ class Stabilizer:
         if not is_textured(gray):
             return self._lost(index, frame, 0)
         reference = Reference(frame, gray, depth_scale(frame))
-        self._prepare(reference)
+        self._prepare(reference, self._config, self._area.allowed(frame.size))
         self._motion = Motion(np.eye(3), frame.stamp_ns)
         self._references += 1
-        found = self._method.features
+        found = len(self._method.reference_px)
         return Track(State.TRACKED, index, frame.stamp_ns, frame.stamp_ns, self.reset_counter, found, found,
                      np.eye(3), np.zeros((8, 8)), 0.0, 0.0)
 
-    def _prepare(self, reference: Reference) -> None:
+    def _prepare(self, reference: Reference, config: StabilizerConfig, allowed: BoolArray) -> None:
         """All that depends on the reference alone."""
-        allowed = self._area.allowed(reference.frame.size)
-        method = METHODS[self._config.method]
-        config = self._config.method_config or method.Config()
-        self._method: Method = method(reference.gray, allowed, config)
-        self._features = StaticFeatures(self._method.features)
+        kind = METHODS[config.method]
+        self._method: Method = kind(reference.gray, allowed, config.method_config or kind.Config())
+        self._features = StaticFeatures(len(self._method.reference_px))
         self._last_match: tuple[Correspondences, Fit | None] | None = None
+        self._allowed = allowed
         self._reference = reference
 
     def _align(self, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
@@ -162,14 +172,19 @@ class Stabilizer:
         return pairs, fit
 
     def _accepts(self, fit: Fit, size: tuple[int, int]) -> bool:
-        """The gate: enough agreement, a certain result, and a motion that a camera can make."""
+        """The gate: a motion that a camera can make, enough agreement, and a certain result."""
+        if not is_plausible(fit.ref_H_cur, size):
+            return False
         inliers = int(fit.inlier.sum())
+        expected = float(self._features.trust[self._in_view(fit.ref_H_cur, size)].sum())
         return (
-            inliers >= self._config.min_inliers
-            and inliers >= self._config.min_inlier_share * len(fit.inlier)
-            and is_plausible(fit.ref_H_cur, size)
+            inliers >= max(self._config.min_inliers, self._config.min_inlier_share * expected)
             and sigma_px(fit.ref_H_cur, fit.covariance, size) <= self._config.max_sigma
         )
+
+    def _in_view(self, ref_H_cur: Homography, size: tuple[int, int]) -> BoolArray:
+        """(features,) bool: which of the reference's features lie in the frame."""
+        return inside(apply(np.linalg.inv(ref_H_cur), self._method.reference_px), size)
 
     def _tracked(self, index: int, frame: Frame, pairs: Correspondences, fit: Fit) -> Track:
         return Track(State.TRACKED, index, frame.stamp_ns, self._reference_stamp_ns, self.reset_counter, len(pairs),

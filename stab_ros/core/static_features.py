@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stab_ros.core.types import Correspondences, Fit, FloatArray
+from stab_ros.core.types import BoolArray, Correspondences, Fit, FloatArray
 
 _RATE = 0.2  # of a frame's evidence: half forgotten after three frames
 
@@ -12,8 +12,8 @@ _RATE = 0.2  # of a frame's evidence: half forgotten after three frames
 class StaticFeatures:
     """One trust in [0, 1] for each feature of the reference; all are trusted until they disagree.
 
-    A feature that keeps moving against the fitted plane (water, leaves) loses its say within a few frames, and gets it
-    back as slowly if it comes to rest. What was not seen (occluded, outside the picture) is neither praised nor blamed.
+    A feature that keeps moving against the fitted plane or is not found again (water, leaves, glitter) loses its say
+    within a few frames, and gets it back as slowly if it comes to rest. What lies outside the picture is left alone.
     """
 
     def __init__(self, features: int) -> None:
@@ -24,7 +24,8 @@ class StaticFeatures:
         """(features,) float64."""
         return self._trust
 
-    def learn(self, pairs: Correspondences, fit: Fit) -> None:
-        """Move the trust of the features seen towards what each counted in the accepted fit."""
-        seen = pairs.feature_id
-        self._trust[seen] += _RATE * (fit.agreement - self._trust[seen])
+    def learn(self, pairs: Correspondences, fit: Fit, in_view: BoolArray) -> None:
+        """Move the trust of all features that should be visible towards whether they agreed with the accepted fit."""
+        agreed = np.zeros(len(self._trust))
+        agreed[pairs.feature_id[fit.inlier]] = 1.0
+        self._trust[in_view] += _RATE * (agreed - self._trust)[in_view]

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from stab_ros.core.camera_path import PinholeCamera, Pose
+from stab_ros.core.camera_path import PinholeCamera, Pose, inverse, product
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import apply, normalized
 from stab_ros.core.ground import Extent, Ground, Layout, centre_line, make_ground, place_m
@@ -27,6 +27,7 @@ from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, Image
 __all__ = ["PRESETS", "Flight", "Preset", "Shot", "preset"]
 
 FIRST_STAMP_NS = 1_000_000_000  # as for a video without stamps
+_TEXEL_PX = math.sqrt(0.2)  # finer than the two samples a pixel has per axis, and in no simple ratio to them
 _MARGIN_TEXELS = 16
 _RIPPLE_LIFE_S = 1.6
 _TRACER_LEVEL = 110.0
@@ -51,14 +52,15 @@ class Flight:
     """`frames` pictures of `size` (width, height) px over the river of a preset; iterable, and indexable by frame.
 
     still: (h, w) uint8 picture that takes the place of the made-up banks. color: bgr in place of grey pictures.
+    start_ns: stamp of frame 0.
 
     Raises:
         InputError: a size below 64 px, no frames, or a still that is not (h, w) uint8.
     """
 
     def __init__(self, preset: Preset, size: tuple[int, int] | None = None, frames: int = 60, seed: int = 1,
-                 still: Gray | None = None, color: bool = False) -> None:
-        self.preset, self.frames, self.seed, self.color = preset, frames, seed, color
+                 still: Gray | None = None, color: bool = False, start_ns: int = FIRST_STAMP_NS) -> None:
+        self.preset, self.frames, self.seed, self.color, self.start_ns = preset, frames, seed, color, start_ns
         self.size = preset.size if size is None else size
         if min(self.size) < 64:
             raise InputError(f"a flight of {self.size[0]}x{self.size[1]} px, it must be at least 64x64")
@@ -82,14 +84,17 @@ class Flight:
     def __getitem__(self, index: int) -> Shot:
         if not 0 <= index < self.frames:
             raise IndexError(f"frame {index} of a flight of {self.frames}")
-        stamp_ns = FIRST_STAMP_NS + round(index * 1e9 / self.preset.fps)
-        return Shot(index, stamp_ns, self._image(index), self.ref_H_cur(index), self.pose(index), self.water)
+        image, ref_H_cur = self._image(index), self.ref_H_cur(index)
+        return Shot(index, self.stamp_ns(index), image, ref_H_cur, self.pose(index), self.water)
+
+    def stamp_ns(self, index: int) -> int:
+        return self.start_ns + round(index * 1e9 / self.preset.fps)
 
     def ref_H_cur(self, index: int) -> Homography:
         """The truth: from pixels of frame `index` to pixels of frame 0."""
         if index == 0:
             return np.eye(3)
-        return normalized(self.image_H_plane(0) @ np.linalg.inv(self.image_H_plane(index)))
+        return normalized(product(self.image_H_plane(0), inverse(self.image_H_plane(index))))
 
     def image_H_plane(self, index: int) -> Homography:
         """From ground coordinates (m) to pixels of frame `index`."""
@@ -118,11 +123,11 @@ class Flight:
         corners = np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1.0]])
         last_s = max(self.preset.duration_s, self.frames / self.preset.fps)
         seen = np.concatenate([
-            apply(np.linalg.inv(self.camera.image_H_plane(self._pose_at(t))), corners)
+            apply(inverse(self.camera.image_H_plane(self._pose_at(t))), corners)
             for t in np.arange(0, last_s + 0.25, 0.25)
         ])
-        texel_m = self.gsd_m / 2
-        low = seen.min(axis=0) - _MARGIN_TEXELS * texel_m
+        texel_m = self.gsd_m * _TEXEL_PX
+        low = (np.floor(seen.min(axis=0) / texel_m) - _MARGIN_TEXELS) * texel_m
         columns, rows = np.ceil((seen.max(axis=0) - low) / texel_m).astype(int) + _MARGIN_TEXELS
         return Extent(float(low[0]), float(low[1]), texel_m, (int(rows), int(columns)))
 
@@ -130,7 +135,7 @@ class Flight:
         extent = self.ground.extent
         k = 1 / extent.texel_m
         texel_H_plane = np.array([[k, 0, -extent.x_m * k], [0, k, -extent.y_m * k], [0, 0, 1.0]])
-        return np.asarray(texel_H_plane @ np.linalg.inv(self.image_H_plane(index)))
+        return product(texel_H_plane, inverse(self.image_H_plane(index)))
 
     def _image(self, index: int) -> Image:
         ground, texel_H_image = self.ground, self._texel_H_image(index)
@@ -147,7 +152,8 @@ class Flight:
         offset = 100 * share * math.sin(2 * math.pi * 0.31 * time_s + 2 * self.seed)
         noise = np.random.default_rng([self.seed, 50, index]).standard_normal(picture.size, dtype=np.float32)
         noise *= np.float32(self.preset.noise_levels)
-        return np.asarray(quantised(picture.ravel(), noise, np.float32(gain), np.float32(offset))).reshape(picture.shape)
+        levels = quantised(picture.ravel(), noise, np.float32(gain), np.float32(offset))
+        return np.asarray(levels).reshape(picture.shape)
 
     def _surface(self, index: int) -> Surface:
         width, height = self.size

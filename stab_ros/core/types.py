@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 Gray: TypeAlias = NDArray[np.uint8]  # (h, w)
 Image: TypeAlias = NDArray[Any]  # (h, w) or (h, w, channels), uint8 or uint16
-Homography: TypeAlias = NDArray[np.float64]  # (3, 3), h22 = 1
-FloatArray: TypeAlias = NDArray[np.float64]
+Homography: TypeAlias = NDArray[np.floating[Any]]  # (3, 3) float64, h22 = 1
+FloatArray: TypeAlias = NDArray[np.floating[Any]]
 BoolArray: TypeAlias = NDArray[np.bool_]
 IdArray: TypeAlias = NDArray[np.int64]
 
@@ -87,14 +87,13 @@ class Correspondences:
 class Fit:
     """A homography fitted to correspondences.
 
-    inlier: (N,) bool over the correspondences; agreement: (N,) float64 in [0, 1], the estimator's weight of each.
+    inlier: (N,) bool over the correspondences.
     covariance: (8, 8) of h00, h01, h02, h10, h11, h12, h20, h21 (h22 = 1 is fixed).
     rmse_px: root mean square distance of the inliers, reference side.
     """
 
     ref_H_cur: Homography
     inlier: BoolArray
-    agreement: FloatArray
     covariance: FloatArray
     rmse_px: float
 

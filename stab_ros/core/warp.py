@@ -16,8 +16,9 @@ INTERPOLATION = {
 }
 
 
-def warp(image: Image, ref_H_cur: Homography, size: tuple[int, int], interpolation: str, camera: Camera | None) -> Image:
-    """`image` as seen from the reference, (height, width[, channels]) of `size` and the same dtype; 0 beyond its border.
+def warp(image: Image, ref_H_cur: Homography, size: tuple[int, int], interpolation: str,
+         camera: Camera | None) -> Image:
+    """`image` as seen from the reference: of `size` (width, height), same channels and dtype, 0 beyond its border.
 
     With a camera whose lens distorts, distortion and homography are undone in one interpolation.
     """

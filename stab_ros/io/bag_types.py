@@ -45,10 +45,17 @@ class BagReader(Protocol):
     warnings: what could not be read, one line each; complete once `messages` has come to its end.
     """
 
-    topics: Mapping[str, Topic]
-    start_ns: int
-    end_ns: int
-    warnings: list[str]
+    @property
+    def topics(self) -> Mapping[str, Topic]: ...
+
+    @property
+    def start_ns(self) -> int: ...
+
+    @property
+    def end_ns(self) -> int: ...
+
+    @property
+    def warnings(self) -> list[str]: ...
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
         """The messages of `topics` (None: of all) in the order of their log time."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from stab_ros.core.errors import InputError, WorkError
+from stab_ros.core.errors import InputError
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import BagWriter, Topic, open_bag
 from stab_ros.io.messages import Header, image_cdr
 from stab_ros.io.offline import Progress, expected
-from stab_ros.io.outputs import check_output, partial_of
+from stab_ros.io.outputs import check_output
 from stab_ros.io.source import Kind, Picture, kind_of, open_source
 
 
@@ -43,10 +43,7 @@ def convert(job: Conversion, progress: Progress) -> Converted:
     """
     check_output(job.output, ".mcap", job.source, job.force)
     steps = _copy_bag if kind_of(job.source) is Kind.BAG else _record_pictures
-    try:
-        return steps(job, progress)
-    except WorkError as error:
-        raise WorkError(f"{error}; what was done so far can be read from {partial_of(job.output)}") from error
+    return steps(job, progress)
 
 
 def _copy_bag(job: Conversion, progress: Progress) -> Converted:

@@ -14,6 +14,9 @@ from stab_ros.core.parameters import checked_values, stabilizer_config
 from stab_ros.core.stabilizer import Stabilizer
 from stab_ros.io.regions import read_area
 
+# beginnings of what the node alone reads: the same file serves `--params-file` and `--config`
+_OF_THE_NODE = ("queue_depth", "image_transport", "wait_for_subscribers", "stale_s", "use_sim_time", "qos_overrides.")
+
 
 def make_stabilizer(values: Mapping[str, Value], camera: Camera | None = None) -> Stabilizer:
     """An engine with the defaults overridden by `values`.
@@ -50,7 +53,7 @@ def read_config(path: Path) -> dict[str, Value]:
     for name, node in document.items():
         if str(name).rsplit("/", 1)[-1] in ("**", "*", "tracker_node"):
             found.update(_flat(path, node.get("ros__parameters")))
-    return checked_values(found)
+    return checked_values({name: value for name, value in found.items() if not name.startswith(_OF_THE_NODE)})
 
 
 def _flat(path: Path, tree: object, prefix: str = "") -> dict[str, object]:

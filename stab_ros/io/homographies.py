@@ -104,7 +104,7 @@ def read_homographies(path: Path) -> list[HomographyRow]:
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; it must be a table of homographies (.csv)") from error
     except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: is not a table of homographies (.csv with the columns {','.join(COLUMNS)})") from error
+        raise InputError(f"{path}: not a table of homographies, a .csv that begins with {','.join(COLUMNS)}") from error
 
 
 def _row(path: Path, line: int, cells: Mapping[str, str | None]) -> HomographyRow:

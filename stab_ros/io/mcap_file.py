@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, ChunkIndex, Footer, Schema, Statistics
+from mcap.records import Channel, ChunkIndex, Footer, Schema, Statistics
 
 from stab_ros.core.errors import InputError
 from stab_ros.io.mcap_records import (
@@ -27,6 +27,7 @@ from stab_ros.io.mcap_records import (
 
 _FOOTER_LENGTH = 20
 _TAIL = RECORD_HEAD.size + _FOOTER_LENGTH + len(MAGIC)
+_NO_OPCODE = 0
 _RUN_LIMIT = 2**22  # bytes of messages outside of chunks that are read at a time
 
 
@@ -43,6 +44,8 @@ class Block(NamedTuple):
 class McapFile:
     """channels, schemas: by id. counts: messages by channel id. blocks: in the order of the file.
 
+    span_ns: log times of the first and the last message, None without messages.
+
     Raises:
         InputError: it cannot be opened or is not an MCAP file.
     """
@@ -51,6 +54,8 @@ class McapFile:
         self.path = path
         self.warnings: list[str] = []
         self._clear()
+        if not path.is_file():
+            raise InputError(f"{path}: no such file, it must be a readable MCAP file")
         try:
             self._file = path.open("rb")
         except OSError as error:
@@ -71,6 +76,7 @@ class McapFile:
         self.schemas: dict[int, Schema] = {}
         self.counts: Counter[int] = Counter()
         self.blocks: list[Block] = []
+        self.span_ns: tuple[int, int] | None = None
 
     def _check_magic(self) -> None:
         if self._size == 0:
@@ -85,20 +91,19 @@ class McapFile:
     def _find_blocks(self) -> None:
         try:
             indexed = self._read_index()
-            reason = "has no index (was the recording cut off?)"
         except DamagedError as damage:
-            indexed, reason = False, f"its index {damage}"
+            self.warnings.append(f"{self.path}: the index {damage}, the whole file was scanned instead")
+            indexed = False
         if not indexed:
             self._clear()
-            self.warnings.append(f"{self.path}: {reason}, it was scanned instead")
             self._scan()
 
     # the index -------------------------------------------------------------------------------------------------------
     def _read_index(self) -> bool:
-        """False: there is none. Raises DamagedError where it cannot be trusted."""
+        """False: the file is whole, but was written without one. Raises DamagedError where it cannot be trusted."""
         tail = read_exactly(self._file, max(self._size - _TAIL, 0), min(_TAIL, self._size))
         if len(tail) < _TAIL or not tail.endswith(MAGIC) or tail[0] != Opcode.FOOTER:
-            return False
+            raise DamagedError("is missing, the recording was cut off")
         footer = parse(Opcode.FOOTER, tail[RECORD_HEAD.size : -len(MAGIC)])
         if not isinstance(footer, Footer) or footer.summary_start == 0:
             return False
@@ -109,7 +114,7 @@ class McapFile:
         crc = zlib.crc32(tail[: RECORD_HEAD.size + _FOOTER_LENGTH - 4], zlib.crc32(summary))
         if footer.summary_crc not in (0, crc):
             raise DamagedError("has a wrong CRC")
-        return self._take_summary([record for _, record in _records(summary)])
+        return self._take_summary(list(_records(memoryview(summary))))
 
     def _take_summary(self, records: list[Record]) -> bool:
         statistics: Statistics | None = None
@@ -119,13 +124,20 @@ class McapFile:
                 statistics = record
             elif isinstance(record, ChunkIndex):
                 self.blocks.append(_block_of(record))
-        if statistics is None or len(self.blocks) != statistics.chunk_count:
-            return False
-        if statistics.message_count and not (self.blocks and self.channels):  # messages without chunks have no index
+        if statistics is None or not self._is_complete(statistics):
             return False
         self.counts.update(statistics.channel_message_counts)
+        if statistics.message_count:
+            self.span_ns = statistics.message_start_time, statistics.message_end_time
         self.blocks.sort(key=lambda block: block.offset)
         return True
+
+    def _is_complete(self, statistics: Statistics) -> bool:
+        """Whether the summary tells all; a writer may leave out any part, and messages without chunks have no index."""
+        defined = all(channel.schema_id in (0, *self.schemas) for channel in self.channels.values())
+        counted = statistics.channel_message_counts.keys() <= self.channels.keys()
+        indexed = len(self.blocks) == statistics.chunk_count and (bool(self.blocks) or statistics.message_count == 0)
+        return defined and counted and indexed
 
     def _take_definition(self, record: Record | None) -> None:
         if isinstance(record, Channel):
@@ -142,9 +154,9 @@ class McapFile:
             try:
                 opcode, length = RECORD_HEAD.unpack(read_exactly(self._file, at, RECORD_HEAD.size))
             except DamagedError:
-                opcode, length = 0, self._size
+                opcode, length = _NO_OPCODE, 0
             end = at + RECORD_HEAD.size + length
-            if end > self._size:
+            if end > self._size or opcode == _NO_OPCODE:  # a file system that crashed may leave zeros
                 self._lost(at, "ends within a record")
                 break
             if run and (opcode != Opcode.MESSAGE or end - run[0][0] > _RUN_LIMIT):
@@ -161,6 +173,8 @@ class McapFile:
             at = end
         if run:
             self._scan_block(run[0][0], run[-1][1])
+        if self.blocks:
+            self.span_ns = min(block.start_ns for block in self.blocks), max(block.end_ns for block in self.blocks)
 
     def _scan_definition(self, at: int, end: int) -> None:
         try:
@@ -172,8 +186,8 @@ class McapFile:
     def _scan_block(self, at: int, end: int) -> None:
         try:
             data = self._data(at, end - at)
-            messages = [message_in(data, start, stop) for opcode, start, stop in split(data) if opcode == Opcode.MESSAGE]
-            for _, record in _records(data):
+            messages = _messages(data)
+            for record in _records(data):
                 self._take_definition(record)
         except DamagedError as damage:
             self._lost(at, str(damage))
@@ -189,21 +203,20 @@ class McapFile:
         """The messages of a block by log time; of a damaged one none, with a warning."""
         try:
             data = self._data(block.offset, block.length)
-            messages = [message_in(data, start, end) for opcode, start, end in split(data) if opcode == Opcode.MESSAGE]
+            messages = _messages(data)
         except DamagedError as damage:
             self._lost(block.offset, str(damage))
             return []
         return sorted(messages, key=lambda message: message.log_time_ns)
 
-    def _data(self, offset: int, length: int) -> bytes:
+    def _data(self, offset: int, length: int) -> memoryview:
         """The records of a block."""
-        data = read_exactly(self._file, offset, length)
-        if data[0] == Opcode.MESSAGE:
+        data = memoryview(read_exactly(self._file, offset, length))
+        if length > RECORD_HEAD.size and data[0] == Opcode.MESSAGE:
             return data
-        chunk = parse(data[0], memoryview(data)[RECORD_HEAD.size :])
-        if not isinstance(chunk, Chunk):
+        if length <= RECORD_HEAD.size or RECORD_HEAD.unpack_from(data) != (Opcode.CHUNK, length - RECORD_HEAD.size):
             raise DamagedError("is not a chunk")
-        return unpacked(chunk)
+        return unpacked(data[RECORD_HEAD.size :])
 
     def _lost(self, offset: int, why: str) -> None:
         line = f"{self.path}: the part at byte {offset} {why}, its messages are lost"
@@ -211,12 +224,16 @@ class McapFile:
             self.warnings.append(line)
 
 
-def _records(data: bytes) -> Iterator[tuple[int, Record]]:
+def _messages(data: memoryview) -> list[RecordedMessage]:
+    return [message_in(data, start, end) for opcode, start, end in split(data) if opcode == Opcode.MESSAGE]
+
+
+def _records(data: memoryview) -> Iterator[Record]:
     """All records in `data` but messages."""
     for opcode, start, end in split(data):
-        record = parse(opcode, data[start:end]) if opcode != Opcode.MESSAGE else None
+        record = None if opcode == Opcode.MESSAGE else parse(opcode, data[start:end])
         if record is not None:
-            yield opcode, record
+            yield record
 
 
 def _block_of(index: ChunkIndex) -> Block:

@@ -13,16 +13,17 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, ChunkIndex, Footer, Schema, Statistics
+from mcap.records import Channel, ChunkIndex, Footer, Schema, Statistics
 
+Record = Schema | Channel | ChunkIndex | Statistics | Footer
 MAGIC = b"\x89MCAP0\r\n"
 RECORD_HEAD = struct.Struct("<BQ")  # opcode, length
 RECORD_LIMIT = 2**30  # bytes of one record or chunk, unpacked: 100 times a 4K frame
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
-_CLASSES = {
+_CHUNK_HEAD = struct.Struct("<QQQII")  # first and last log time, unpacked size, CRC, length of the compression's name
+_CLASSES: dict[int, type[Record]] = {
     Opcode.SCHEMA: Schema,
     Opcode.CHANNEL: Channel,
-    Opcode.CHUNK: Chunk,
     Opcode.CHUNK_INDEX: ChunkIndex,
     Opcode.STATISTICS: Statistics,
     Opcode.FOOTER: Footer,
@@ -42,9 +43,6 @@ class RecordedMessage(NamedTuple):
     publish_time_ns: int
     channel_id: int
     data: bytes
-
-
-Record = Schema | Channel | Chunk | ChunkIndex | Statistics | Footer
 
 
 def read_exactly(file: IO[bytes], offset: int, length: int) -> bytes:
@@ -67,16 +65,14 @@ def read_exactly(file: IO[bytes], offset: int, length: int) -> bytes:
 
 def parse(opcode: int, body: bytes | memoryview) -> Record | None:
     """A record from its body, None if it is of no interest here."""
-    kind = _CLASSES.get(Opcode(opcode)) if opcode in Opcode else None
-    if kind is None:
-        return None
+    kind = _CLASSES.get(opcode)
     try:
-        return kind.read(ReadDataStream(BytesIO(body)))
+        return None if kind is None else kind.read(ReadDataStream(BytesIO(body)))
     except _DAMAGE as error:
         raise DamagedError(f"is damaged ({error})") from error
 
 
-def split(data: bytes) -> Iterator[tuple[int, int, int]]:
+def split(data: memoryview) -> Iterator[tuple[int, int, int]]:
     """Opcode, start and end of the body of every record in `data`."""
     at = 0
     while at < len(data):
@@ -90,38 +86,41 @@ def split(data: bytes) -> Iterator[tuple[int, int, int]]:
         at += length
 
 
-def message_in(data: bytes, start: int, end: int) -> RecordedMessage:
+def message_in(data: memoryview, start: int, end: int) -> RecordedMessage:
     """The message record whose body is data[start:end]."""
     if end - start < _MESSAGE_HEAD.size:
         raise DamagedError("holds a message without a header")
     channel_id, _, log_time, publish_time = _MESSAGE_HEAD.unpack_from(data, start)
-    return RecordedMessage(log_time, publish_time, channel_id, data[start + _MESSAGE_HEAD.size : end])
+    return RecordedMessage(log_time, publish_time, channel_id, bytes(data[start + _MESSAGE_HEAD.size : end]))
 
 
-def unpacked(chunk: Chunk) -> bytes:
-    """The records of a chunk, decompressed and checked against its size and CRC (0: it has none)."""
-    size = chunk.uncompressed_size
-    if size > RECORD_LIMIT:
-        raise DamagedError(f"claims {size} bytes")
+def unpacked(chunk: memoryview) -> memoryview:
+    """The records in the body of a chunk record, decompressed and checked against their size and CRC (0: none)."""
     try:
-        data = _decompressed(chunk, size)
+        _, _, size, crc, name_length = _CHUNK_HEAD.unpack_from(chunk)
+        start = _CHUNK_HEAD.size + name_length + 8
+        compression = bytes(chunk[_CHUNK_HEAD.size : start - 8]).decode()
+        (packed_size,) = struct.unpack_from("<Q", chunk, start - 8)
+        data = _decompressed(chunk[start : start + packed_size], compression, size)
     except _DAMAGE as error:
         raise DamagedError(f"cannot be decompressed ({error})") from error
     if len(data) != size:
-        raise DamagedError(f"holds {len(data)} bytes instead of {size}")
-    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
+        raise DamagedError(f"does not hold the {size} bytes it claims")
+    if crc and zlib.crc32(data) != crc:
         raise DamagedError("has a wrong CRC")
     return data
 
 
-def _decompressed(chunk: Chunk, size: int) -> bytes:
+def _decompressed(packed: memoryview, compression: str, size: int) -> memoryview:
     """At most `size` + 1 bytes, so that no bomb goes off."""
-    match chunk.compression:
+    if size > RECORD_LIMIT:
+        raise DamagedError(f"claims {size} bytes")
+    match compression:
         case "":
-            return chunk.data
+            return packed
         case "lz4":
-            return lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)  # type: ignore[no-any-return]
+            return memoryview(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size + 1))
         case "zstd":
-            with zstandard.ZstdDecompressor().stream_reader(chunk.data, read_across_frames=True) as stream:
-                return stream.read(size + 1)
-    raise DamagedError(f"has the unknown compression {chunk.compression!r}")
+            with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream:
+                return memoryview(stream.read(size + 1))
+    raise DamagedError(f"has the unknown compression {compression!r}")

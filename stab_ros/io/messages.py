@@ -7,9 +7,10 @@ import struct
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 import numpy as np
+from numpy.typing import NDArray
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.stores import ros2_jazzy as ros
@@ -32,6 +33,7 @@ SECOND_NS = 1_000_000_000
 # image_proc passes frames through untouched when D is all zero; this is zero to every computation, but not to it
 _ALMOST_ZERO = 1e-300
 _CDR_HEADER, _STAMP_END = 4, 12  # bytes
+_Doubles: TypeAlias = NDArray[np.float64]
 _NO_PIXELS = np.empty(0, np.uint8)
 
 
@@ -117,7 +119,7 @@ def homography_cdr(track: Track, header: Header, size: tuple[int, int], camera: 
     return _write(message, CAMERA_INFO)
 
 
-def _rectification(ref_H_cur: Homography | None, K: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _rectification(ref_H_cur: Homography | None, K: FloatArray) -> tuple[_Doubles, _Doubles, _Doubles]:
     """K, R = K^-1 H K and P = [K|0] of a CameraInfo."""
     P = np.zeros((3, 4))
     if ref_H_cur is None:
@@ -125,7 +127,7 @@ def _rectification(ref_H_cur: Homography | None, K: FloatArray) -> tuple[FloatAr
     if not np.isfinite(ref_H_cur).all():
         raise ValueError("a homography with NaN or infinity must not leave the engine")
     P[:, :3] = K
-    return K, np.asarray(np.linalg.solve(K, ref_H_cur @ K), np.float64), P
+    return np.asarray(K, np.float64), np.asarray(np.linalg.solve(K, ref_H_cur @ K), np.float64), P
 
 
 def read_homography(cdr: bytes | memoryview) -> tuple[int, Homography | None]:
@@ -141,10 +143,12 @@ def read_homography(cdr: bytes | memoryview) -> tuple[int, Homography | None]:
         return stamp_ns, None
     if not (np.isfinite([*K.flat, *R.flat, *P.flat]).all() and np.linalg.matrix_rank(K) == 3):
         raise MessageError("homography: K, R and P must be finite and K invertible, or all three zero (lost)")
-    H = P[:, :3] @ R @ np.linalg.inv(K)
-    if H[2, 2] == 0 or not np.isfinite(H / H[2, 2]).all():
+    with np.errstate(all="ignore"):
+        H = P[:, :3] @ R @ np.linalg.inv(K)
+        H /= H[2, 2]
+    if not np.isfinite(H).all():
         raise MessageError("homography: P[:, :3] R K^-1 cannot be normalised to h22 = 1")
-    return stamp_ns, H / H[2, 2]
+    return stamp_ns, H
 
 
 def track_cdr(track: Track, header: Header) -> bytes:

@@ -10,11 +10,11 @@ from pathlib import Path
 
 from stab_ros.core.camera import Camera
 from stab_ros.core.config import Value
-from stab_ros.core.errors import WorkError
+from stab_ros.core.parameters import PARAMETERS
 from stab_ros.io.bag import BagWriter
 from stab_ros.io.engine import make_stabilizer
 from stab_ros.io.homographies import HomographyWriter
-from stab_ros.io.outputs import check_output, completed, partial_of
+from stab_ros.io.outputs import check_output, completed
 from stab_ros.io.pipeline import Counts, Outputs, run
 from stab_ros.io.source import Source, open_source
 from stab_ros.io.stabilized_bag import StabilizedBag
@@ -64,16 +64,13 @@ def stabilize(job: Job, progress: Progress) -> Summary:
     """
     _check_outputs(job)
     started_s = time.monotonic()
-    try:
-        with open_source(job.source, job.image_topic, job.fps) as source:
-            camera = source.camera() if job.values["use_camera_info"] else None
-            stabilizer = make_stabilizer(job.values, camera)
-            total = expected(source.count, job.limit)
-            with _open_outputs(job, source, camera) as outputs:
-                counts = run(source.items(job.limit), stabilizer, outputs, lambda done: progress(done, total))
-            warnings = (*_replaced(source, outputs.bag.replaced), *source.warnings, *_undecodable(source, counts))
-    except WorkError as error:
-        raise WorkError(f"{error}; what was done so far can be read from {partial_of(job.output)}") from error
+    with open_source(job.source, job.image_topic, job.fps) as source:
+        camera = source.camera() if _uses_camera(job.values) else None
+        stabilizer = make_stabilizer(job.values, camera)
+        total = expected(source.count, job.limit)
+        with _open_outputs(job, source, camera) as outputs:
+            counts = run(source.items(job.limit), stabilizer, outputs, lambda done: progress(done, total))
+        warnings = (*_replaced(source, outputs.bag.replaced), *source.warnings, *_undecodable(source, counts))
     return Summary(counts.frames, counts.tracked, time.monotonic() - started_s, warnings)
 
 
@@ -81,6 +78,10 @@ def expected(count: int | None, limit: int | None) -> int | None:
     """How many pictures there will be, of `count` in the input."""
     known = [number for number in (count, limit) if number is not None]
     return min(known, default=None)
+
+
+def _uses_camera(values: Mapping[str, Value]) -> bool:
+    return bool(values.get("use_camera_info", PARAMETERS["use_camera_info"].default))
 
 
 def _check_outputs(job: Job) -> None:

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from stab_ros.core.errors import InputError, WorkError
+from stab_ros.io.source import Kind, kind_of
 
 
 def check_output(path: Path, suffix: str, source: Path, force: bool) -> None:
@@ -29,8 +30,8 @@ def check_output(path: Path, suffix: str, source: Path, force: bool) -> None:
 
 def _within(path: Path, source: Path) -> bool:
     """A bag in a folder must not be written into; next to images there is room."""
-    path, source = path.resolve(), source.resolve()
-    return path == source or ((source / "metadata.yaml").exists() and source in path.parents)
+    inside = source.resolve() in path.resolve().parents and source.is_dir() and kind_of(source) is Kind.BAG
+    return inside or path.resolve() == source.resolve()
 
 
 def partial_of(path: Path) -> Path:

@@ -1,4 +1,4 @@
-"""Steps of a pipeline that overlap in time: reading the next frame while this one is tracked and the last one written."""
+"""Steps of a pipeline that overlap in time: the next frame is read while this one is tracked and the last written."""
 
 from __future__ import annotations
 

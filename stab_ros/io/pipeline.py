@@ -104,7 +104,8 @@ class _Tracker:
             image = self._stabilizer.warp(frame, track) if self._need_image else None
         else:
             track = self._undecodable(picture)
-        return Result(self._number, picture, track, image, self._stabilizer.reference_size)
+        reference = self._stabilizer.reference
+        return Result(self._number, picture, track, image, None if reference is None else reference.size)
 
     def _undecodable(self, picture: Picture) -> Track:
         reference = self._stabilizer.reference

@@ -30,7 +30,7 @@ from stab_ros.io.video import (
 
 IMAGE_TYPES = (IMAGE, COMPRESSED_IMAGE)
 PICTURE_TOPIC = "/camera/image_raw"
-_BAG_SUFFIXES = (".mcap", ".bag")
+_BAG_SUFFIXES = (".mcap", ".mcap.partial", ".bag", ".db3")
 _RATE_FRAMES = 30
 _KINDS = "an .mcap, a rosbag2 folder, a ROS 1 .bag, a video file or a folder of images"
 
@@ -63,9 +63,13 @@ class Source(Protocol):
 
     name: str
     image_topic: str
-    topics: Mapping[str, Topic]
     count: int | None
-    warnings: list[str]
+
+    @property
+    def topics(self) -> Mapping[str, Topic]: ...
+
+    @property
+    def warnings(self) -> list[str]: ...
 
     def items(self, limit: int | None = None) -> Iterator[Picture | Message]:
         """Everything, up to `limit` pictures. Raises InputError at the end if not one picture could be decoded."""
@@ -108,12 +112,12 @@ def kind_of(path: Path) -> Kind:
         raise InputError(f"{path}: no such file or folder; the input must be {_KINDS}")
     if path.is_dir():
         return _kind_of_folder(path)
-    suffix = path.suffix.lower()
-    if suffix in _BAG_SUFFIXES:
+    name = path.name.lower()
+    if name.endswith(_BAG_SUFFIXES):
         return Kind.BAG
-    if suffix in VIDEO_SUFFIXES:
+    if name.endswith(VIDEO_SUFFIXES):
         return Kind.VIDEO
-    hint = "; for images give their folder" if suffix in IMAGE_SUFFIXES else ""
+    hint = "; for images give their folder" if name.endswith(IMAGE_SUFFIXES) else ""
     raise InputError(f"{path}: cannot be read, the input must be {_KINDS}{hint}")
 
 
@@ -123,9 +127,11 @@ def _kind_of_folder(path: Path) -> Kind:
             return Kind.BAG
         if image_files(path):
             return Kind.FOLDER
+        if any(path.glob("*.mcap")):  # a killed recorder leaves no metadata.yaml
+            return Kind.BAG
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; the input must be {_KINDS}") from error
-    raise InputError(f"{path}: holds neither a bag (metadata.yaml) nor images ({', '.join(sorted(IMAGE_SUFFIXES))})")
+    raise InputError(f"{path}: holds neither a bag (metadata.yaml, .mcap) nor images ({', '.join(IMAGE_SUFFIXES)})")
 
 
 def namespace_of(topic: Topic) -> str:
@@ -163,10 +169,10 @@ class BagSource:
         name = namespace_of(self.topics[self.image_topic]) + "/camera_info"
         topic = self.topics.get(name)
         if topic is None or topic.msgtype != CAMERA_INFO:
-            raise InputError(f"{self.name}: use_camera_info is true, but there is no topic {name} of type {CAMERA_INFO}")
+            raise InputError(f"{self.name}: use_camera_info needs a topic {name} of type {CAMERA_INFO}, there is none")
         for message in self._reader.messages([name]):
             return read_camera(message.data)
-        raise InputError(f"{self.name}: use_camera_info is true, but {name} has no messages")
+        raise InputError(f"{self.name}: use_camera_info needs a message on {name}, there is none")
 
     def _item(self, message: Message) -> Picture | Message:
         return self._picture(message) if message.topic == self.image_topic else message
@@ -206,7 +212,7 @@ class PictureSource:
         return self._pictures.fps
 
     def camera(self) -> Camera:
-        raise InputError(f"{self.name}: use_camera_info is true, but only a bag has camera_info")
+        raise InputError(f"{self.name}: use_camera_info needs a bag with camera_info, this is none")
 
 
 def _choose_topic(name: str, topics: Mapping[str, Topic], wanted: str | None) -> str:

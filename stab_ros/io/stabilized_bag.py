@@ -35,6 +35,7 @@ class Names:
 
 
 def names_for(image_topic: Topic, with_image: bool) -> Names:
+    """The topics made from `image_topic`."""
     namespace = namespace_of(image_topic)
     image = f"{namespace}/image_stabilized" if with_image else None
     return Names(f"{namespace}/homography", f"{namespace}/track", image)

@@ -16,11 +16,9 @@ import numpy as np
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.types import Frame, Image
 
-VIDEO_SUFFIXES = frozenset(
-    ".mp4 .m4v .mov .avi .mkv .webm .mpg .mpeg .mts .m2ts .ts .wmv .flv .3gp .ogv .mjpeg .mjpg .y4m .h264 .h265"
-    .split()
-)  # fmt: skip
-IMAGE_SUFFIXES = frozenset(".png .jpg .jpeg .tif .tiff .bmp .webp .pgm .ppm .pnm .jp2".split())
+VIDEO_SUFFIXES = (".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".mts", ".m2ts", ".ts", ".wmv",
+                  ".flv", ".3gp", ".ogv", ".mjpeg", ".mjpg", ".y4m", ".h264", ".h265")
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm", ".pnm", ".jp2")
 FRAME_ID = "camera"
 DEFAULT_FPS = 25.0
 MAX_FPS = 1000.0
@@ -46,6 +44,7 @@ class Pictures(Protocol):
 
 
 def stamp_ns(frame: int, fps: float) -> int:
+    """The stamp of a frame, counted from 0."""
     return FIRST_STAMP_NS + round(frame * 1e9 / fps)
 
 
@@ -120,6 +119,7 @@ class ImageFolder:
 
 
 def image_files(folder: Path) -> list[Path]:
+    """The images of a folder in the order of their names."""
     return sorted((file for file in folder.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES), key=lambda f: f.name)
 
 

@@ -22,8 +22,8 @@ class Method(Protocol):
         """reference: (h, w) uint8. allowed: (h, w) bool, where features may lie."""
 
     @property
-    def features(self) -> int:
-        """How many features the reference has; every feature_id is below it."""
+    def reference_px(self) -> FloatArray:
+        """Where the reference's features lie, (features, 2) float64; a feature_id is a row of it."""
 
     def match(self, current: Gray, guess: Homography, trust: FloatArray) -> Correspondences:
         """The features found in `current`, (h, w) uint8, of the reference's size; it is not modified.

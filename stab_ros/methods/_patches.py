@@ -1,22 +1,27 @@
 """Square patches of the reference and the measurement of how far each one has moved: the heart of `direct`.
 
 Inverse compositional alignment (Baker and Matthews 2004, section 3.2.1), one 2-vector a patch instead of one
-parameter vector for all: the template's gradient is the test function, so nothing but the sampling of the current
-frame is done per frame. Brightness and contrast of each patch drop out because mean and template are projected out of
-the gradient beforehand.
+parameter vector for all: all derivatives are the template's, so nothing but the sampling of the current frame is done
+per frame. Brightness and contrast of each patch drop out because mean and template are projected out beforehand.
+
+The displacement is read with a test function that is smoother than the gradient (an instrumental variable; the same as
+smoothing both pictures, at no cost per frame): the finest wavelengths are what sampling has aliased and what
+interpolation bends, and with them the result leans by 0.015 px towards or away from whole pixels.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numba
 import numpy as np
 
-from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, IdArray
+from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, IdArray, Image
 
 _BORDER = 3  # px that the gradient and the interpolation reach beyond the patch
+_SMOOTHING_PX = 1.6  # of the test function; both pictures smoothed by 1.1
 _QUANTISATION = 1.0 / 12  # variance of rounding to whole grey levels
 
 
@@ -24,16 +29,17 @@ _QUANTISATION = 1.0 / 12  # variance of rounding to whole grey levels
 class Patches:
     """N patches of (2 radius + 1)^2 px about integer `centres` (N, 2).
 
-    template: (N, s, s) float32, zero mean. slope: (2, N, s, s) float32, the template's x and y gradient with mean and
-    template projected out. power: (N,) sum of template^2. stiffness: (N, 2, 2) sum of slope slope^T.
+    template: (N, s, s) float32, zero mean. power: (N,) sum of template^2.
+    pull: (2, N, s, s) float32, orthogonal to a constant and to the template: the sum of pull and picture is the
+    displacement in px. precision: (N, 2, 2) inverse of the sum of pull pull^T: information at unit noise.
     """
 
     centres: IdArray
     radius: int
     template: FloatArray
-    slope: FloatArray
     power: FloatArray
-    stiffness: FloatArray
+    pull: FloatArray
+    precision: FloatArray
 
     def __len__(self) -> int:
         return len(self.centres)
@@ -41,12 +47,13 @@ class Patches:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What one pass found, for the N patches.
+    """What one pass found, for N chosen patches.
 
     displacement: (N, 2) px, of the current picture against the template, reference side. correlation: (N,) normalised
     cross-correlation with the template, 0 where the patch left the picture. information: (N, 2, 2), 1/px^2.
     """
 
+    chosen: IdArray
     displacement: FloatArray
     correlation: FloatArray
     information: FloatArray
@@ -88,18 +95,39 @@ def choose(gray: Gray, allowed: BoolArray, count: int, radius: int, least_textur
 
 def cut(gray: Gray, centres: IdArray, radius: int) -> Patches:
     """The patches of `gray` about `centres`, which keep clear of the border as those of `choose` do."""
-    span = np.arange(-radius - 2, radius + 3)
+    template = _windows(gray, centres, radius)
+    template -= template.mean(axis=(1, 2), keepdims=True)
+    power = np.maximum(np.einsum("nij,nij->n", template, template), 1e-9)
+    gradient = _gradient(gray, centres, radius)
+    test = _gradient(cv2.GaussianBlur(gray.astype(np.float32), (0, 0), _SMOOTHING_PX), centres, radius)
+    gradient, test = (_without_brightness(image, template, power) for image in (gradient, test))
+    response = np.einsum("anij,bnij->nab", test, gradient)
+    usable = np.abs(np.linalg.det(response)) > 1e-6 * response[:, 0, 0] * response[:, 1, 1]
+    pull = -np.einsum("nab,bnij->anij", np.linalg.inv(response[usable]), test[:, usable])
+    precision = np.linalg.inv(np.einsum("anij,bnij->nab", pull, pull))
+    return Patches(centres[usable], radius, template[usable].astype(np.float32), power[usable],
+                   pull.astype(np.float32), precision)
+
+
+def _without_brightness(images: FloatArray, template: FloatArray, power: FloatArray) -> FloatArray:
+    """(2, N, s, s) images made orthogonal to a constant and to the template."""
+    centred = images - images.mean(axis=(2, 3), keepdims=True)
+    along = np.einsum("dnij,nij->dn", centred, template) / power
+    return np.asarray(centred - along[:, :, None, None] * template)
+
+
+def _windows(image: Image, centres: IdArray, radius: int) -> FloatArray:
+    """(N, 2 radius + 1, 2 radius + 1) float64."""
+    span = np.arange(-radius, radius + 1)
     rows = centres[:, 1, None, None] + span[None, :, None]
     columns = centres[:, 0, None, None] + span[None, None, :]
-    wide = gray[rows, columns].astype(np.float64)
-    inner = slice(2, -2)
-    template = wide[:, inner, inner] - wide[:, inner, inner].mean(axis=(1, 2), keepdims=True)
-    slope = np.stack([_derivative(wide, 2)[:, inner, :], _derivative(wide, 1)[:, :, inner]])
-    slope -= slope.mean(axis=(2, 3), keepdims=True)
-    power = np.maximum(np.einsum("nij,nij->n", template, template), 1e-9)
-    slope -= (np.einsum("dnij,nij->dn", slope, template) / power)[:, :, None, None] * template
-    stiffness = np.einsum("anij,bnij->nab", slope, slope)
-    return Patches(centres, radius, template.astype(np.float32), slope.astype(np.float32), power, stiffness)
+    return np.asarray(image[rows, columns], np.float64)
+
+
+def _gradient(image: Image, centres: IdArray, radius: int) -> FloatArray:
+    """Windows of the x and of the y derivative: (2, N, s, s)."""
+    wide, inner = _windows(image, centres, radius + 2), slice(2, -2)
+    return np.stack([_derivative(wide, 2)[:, inner, :], _derivative(wide, 1)[:, :, inner]])
 
 
 def _derivative(wide: FloatArray, axis: int) -> FloatArray:
@@ -109,24 +137,25 @@ def _derivative(wide: FloatArray, axis: int) -> FloatArray:
     return np.asarray((at[0] - 8 * at[1] + 8 * at[3] - at[4]) / 12)
 
 
-def measure(patches: Patches, gray: Gray, cur_H_ref: Homography, cubic: bool) -> Measured:
-    """Sample `gray` where `cur_H_ref` says each patch is, and see how far off that was."""
-    n = len(patches)
-    displacement, correlation, information = np.zeros((n, 2)), np.zeros(n), np.zeros((n, 2, 2))
-    _measure(gray, cur_H_ref, patches.centres, patches.radius, patches.template, patches.slope, patches.power,
-             patches.stiffness, cubic, displacement, correlation, information)
-    return Measured(displacement, correlation, information)
+def measure(patches: Patches, chosen: IdArray, gray: Gray, cur_H_ref: Homography) -> Measured:
+    """Sample `gray` where `cur_H_ref` says each of the `chosen` patches is, and see how far off that was."""
+    n = len(chosen)
+    measured = Measured(chosen, np.zeros((n, 2)), np.zeros(n), np.zeros((n, 2, 2)))
+    _measure(gray, cur_H_ref, chosen, patches.centres, patches.radius, patches.template, patches.power, patches.pull,
+             patches.precision, measured.displacement, measured.correlation, measured.information)
+    return measured
 
 
 @numba.njit(cache=True, nogil=True, parallel=True, fastmath=True)
-def _measure(gray: Gray, H: Homography, centres: IdArray, radius: int, template: FloatArray, slope: FloatArray,
-             power: FloatArray, stiffness: FloatArray, cubic: bool,
+def _measure(gray: Gray, H: Homography, chosen: IdArray, centres: IdArray, radius: int, template: FloatArray,
+             power: FloatArray, pull: FloatArray, precision: FloatArray,
              displacement: FloatArray, correlation: FloatArray, information: FloatArray) -> None:
     """Fill the last three arrays; a patch that is not wholly inside the picture, or flat there, stays at zero."""
     height, width = gray.shape
     side = 2 * radius + 1
     count = np.float32(side * side)
-    for p in numba.prange(len(centres)):
+    for i in numba.prange(len(chosen)):
+        p = chosen[i]
         cx, cy = float(centres[p, 0]), float(centres[p, 1])
         w = H[2, 0] * cx + H[2, 1] * cy + H[2, 2]
         if w <= 0:
@@ -139,7 +168,7 @@ def _measure(gray: Gray, H: Homography, centres: IdArray, radius: int, template:
         if not (px - reach_x >= 1 and py - reach_y >= 1 and px + reach_x < width - 3 and py + reach_y < height - 3):
             continue
         total, square, along = np.float32(0), np.float32(0), np.float32(0)
-        slope_x, slope_y = np.float32(0), np.float32(0)
+        pull_x, pull_y = np.float32(0), np.float32(0)
         for row in range(side):
             x0 = px + xy * (row - radius) - xx * radius
             y0 = py + yy * (row - radius) - yx * radius
@@ -147,54 +176,26 @@ def _measure(gray: Gray, H: Homography, centres: IdArray, radius: int, template:
                 x, y = x0 + xx * column, y0 + yx * column
                 ix, iy = int(x), int(y)
                 fx, fy = np.float32(x - ix), np.float32(y - iy)
-                if cubic:
-                    value = _cubic(gray, ix, iy, fx, fy)
-                else:
-                    value = _linear(gray, ix, iy, fx, fy)
+                value = _linear(gray, ix, iy, fx, fy)
                 total += value
                 square += value * value
                 along += template[p, row, column] * value
-                slope_x += slope[0, p, row, column] * value
-                slope_y += slope[1, p, row, column] * value
+                pull_x += pull[0, p, row, column] * value
+                pull_y += pull[1, p, row, column] * value
         variance = square - total * total / count
         if variance <= 0 or along <= 0:
             continue
         gain = along / power[p]
-        a, b, c = stiffness[p, 0, 0], stiffness[p, 0, 1], stiffness[p, 1, 1]
-        det = a * c - b * b
-        if det <= 1e-6 * a * c:
-            continue
-        dx, dy = -(c * slope_x - b * slope_y) / (det * gain), -(a * slope_y - b * slope_x) / (det * gain)
-        left = variance - along * gain + gain * (dx * slope_x + dy * slope_y)  # what neither template nor motion explain
-        noise = max(left, 0.0) / (count - 4) + _QUANTISATION
-        displacement[p, 0], displacement[p, 1] = dx, dy
-        correlation[p] = along / np.sqrt(variance * power[p])
-        information[p, 0, 0], information[p, 1, 1] = gain * gain * a / noise, gain * gain * c / noise
-        information[p, 0, 1] = information[p, 1, 0] = gain * gain * b / noise
+        noise = max(variance - along * gain, 0.0) / (count - 2) + _QUANTISATION
+        displacement[i, 0], displacement[i, 1] = pull_x / gain, pull_y / gain
+        correlation[i] = along / np.sqrt(variance * power[p])
+        for a in range(2):
+            for b in range(2):
+                information[i, a, b] = precision[p, a, b] * gain * gain / noise
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True, inline="always")
-def _linear(gray: Gray, x: int, y: int, fx: float, fy: float) -> float:
+def _linear(gray: Gray, x: int, y: int, fx: np.float32, fy: np.float32) -> Any:
     top = gray[y, x] + fx * (np.float32(gray[y, x + 1]) - np.float32(gray[y, x]))
     bottom = gray[y + 1, x] + fx * (np.float32(gray[y + 1, x + 1]) - np.float32(gray[y + 1, x]))
-    return np.float32(top + fy * (bottom - top))
-
-
-@numba.njit(cache=True, nogil=True, fastmath=True, inline="always")
-def _cubic(gray: Gray, x: int, y: int, fx: float, fy: float) -> float:
-    """Cubic convolution, a = -1/2 (Keys 1981): its error is of third order, bilinear's biases 0.01 px and more."""
-    x0, x1, x2, x3 = _keys(fx)
-    y0, y1, y2, y3 = _keys(fy)
-    r0 = x0 * gray[y - 1, x - 1] + x1 * gray[y - 1, x] + x2 * gray[y - 1, x + 1] + x3 * gray[y - 1, x + 2]
-    r1 = x0 * gray[y, x - 1] + x1 * gray[y, x] + x2 * gray[y, x + 1] + x3 * gray[y, x + 2]
-    r2 = x0 * gray[y + 1, x - 1] + x1 * gray[y + 1, x] + x2 * gray[y + 1, x + 1] + x3 * gray[y + 1, x + 2]
-    r3 = x0 * gray[y + 2, x - 1] + x1 * gray[y + 2, x] + x2 * gray[y + 2, x + 1] + x3 * gray[y + 2, x + 2]
-    return np.float32(y0 * r0 + y1 * r1 + y2 * r2 + y3 * r3)
-
-
-@numba.njit(cache=True, nogil=True, fastmath=True, inline="always")
-def _keys(f: float) -> tuple[float, float, float, float]:
-    half, one = np.float32(0.5), np.float32(1)
-    g = one - f
-    return (-half * f * g * g, one + f * f * (np.float32(1.5) * f - np.float32(2.5)),
-            one + g * g * (np.float32(1.5) * g - np.float32(2.5)), -half * g * f * f)
+    return top + fy * (bottom - top)

@@ -11,58 +11,79 @@ touches every pixel of a frame.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import cv2
 import numpy as np
 
 from stab_ros.core import estimators
 from stab_ros.core.config import Checked, setting
-from stab_ros.core.geometry import apply, level_scale, rms_distance
-from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography
+from stab_ros.core.geometry import apply, level_scale, normalized, rms_distance
+from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray
 from stab_ros.methods import _patches
-from stab_ros.methods._patches import Measured, Patches
+from stab_ros.methods._patches import Patches
 
 _COARSEST_PX = 60  # no pyramid level has a side shorter than this
-_COARSE_PATCHES = 150
-_COARSE_STEPS = 3
-_COARSE_THRESHOLD_PX = 1.0  # of the level
-_FINE_STEPS = 4
-_FINE_THRESHOLD_PX = 0.5
-_CONVERGED_PX = 0.003
+_COARSE_PATCHES = 150  # of each coarser level
+_ALIGNING_PATCHES = 500  # at full resolution; all patches measure only once, when the alignment stands
+_TRUSTED = 0.3
 _LINEAR_PX = 2.0  # beyond, a displacement is no measurement any more
 
 
 @dataclass(frozen=True)
+class Steps:
+    """How an alignment goes about it: at most so many steps, each robust to what is off by more than the threshold."""
+
+    most: int
+    model: str
+    threshold_px: float
+    converged_px: float
+
+
+_COARSE = Steps(3, "affine", 1.0, 0.05)
+_FINE = Steps(4, "projective", 0.5, 0.01)
+
+
+@dataclass(frozen=True, eq=False)
 class Level:
-    """One level of the pyramid: its patches, and for each the full-resolution patches that lie in it."""
+    """One coarser level of the pyramid. covers: (N, features), which full-resolution patches lie in each of its own."""
 
     patches: Patches
     scale: Homography
-    covers: FloatArray  # (N, features), rows that average the trust of what a patch covers
+    covers: FloatArray
+
+    def trust(self, fine: FloatArray) -> FloatArray:
+        """(N,) mean trust of what each patch covers; 1 where that is nothing."""
+        known = self.covers.sum(axis=1)
+        return np.where(known > 0, self.covers @ fine / np.maximum(known, 1), 1.0)
+
+
+@dataclass(frozen=True)
+class DirectConfig(Checked):
+    """Parameters `direct.*`."""
+
+    patches: int = setting(2400, "number of patches, spread evenly", 16, 20000)
+    radius: int = setting(8, "half the side of a patch, px: 8 is 17x17", 3, 20)
+    min_correlation: float = setting(0.5, "a patch that looks less like its template is left out", 0.1, 0.99)
+    min_texture: float = setting(0.5, "least mean squared gradient of a patch, grey levels^2 per px^2", 0.01, 1e4)
+    subset: str = setting("all", "use every patch or every other one: two disjoint halves check each other",
+                          choices=("all", "even", "odd"))
 
 
 class Direct:
     """`stab_ros.methods.Method` by direct alignment."""
 
-    @dataclass(frozen=True)
-    class Config(Checked):
-        patches: int = setting(600, "number of patches, spread evenly", 16, 5000)
-        radius: int = setting(8, "half the side of a patch, px: 8 is 17x17", 3, 20)
-        min_correlation: float = setting(0.5, "a patch that looks less like its template is left out", 0.1, 0.99)
-        min_texture: float = setting(0.5, "least mean squared gradient of a patch, grey levels^2 per px^2", 0.01, 1e4)
-        subset: str = setting("all", "use every patch or every other one: two disjoint halves check each other",
-                              choices=("all", "even", "odd"))
+    Config: ClassVar[type[Any]] = DirectConfig
 
-    def __init__(self, reference: Gray, allowed: BoolArray, config: Direct.Config) -> None:
+    def __init__(self, reference: Gray, allowed: BoolArray, config: DirectConfig) -> None:
         """reference: (h, w) uint8. allowed: (h, w) bool, where patches may lie."""
         self._config = config
         pyramid = build_pyramid(reference)
         centres = _patches.choose(reference, allowed, config.patches, config.radius, config.min_texture)
         if config.subset != "all":
             centres = centres[config.subset == "odd" :: 2]
-        self.reference_px: FloatArray = centres.astype(np.float64)
         self._fine = _patches.cut(reference, centres, config.radius)
+        self.reference_px: FloatArray = self._fine.centres.astype(np.float64)
         self._coarse = [self._level(pyramid[k], allowed, k) for k in range(len(pyramid) - 1, 0, -1)]
 
     def _level(self, gray: Gray, allowed: BoolArray, level: int) -> Level:
@@ -71,58 +92,52 @@ class Direct:
         centres = _patches.choose(gray, small, _COARSE_PATCHES, radius, self._config.min_texture)
         scale = level_scale(level)
         apart = np.abs(apply(scale, self.reference_px)[None] - centres[:, None]).max(axis=2, initial=0)
-        covers = (apart <= radius).astype(np.float64)
-        return Level(_patches.cut(gray, centres, radius), scale, covers)
-
-    @property
-    def features(self) -> int:
-        return len(self._fine)
+        return Level(_patches.cut(gray, centres, radius), scale, (apart <= radius).astype(np.float64))
 
     def match(self, current: Gray, guess: Homography, trust: FloatArray) -> Correspondences:
         H = guess
         pyramid = build_pyramid(current)
         for gray, level in zip(reversed(pyramid[1:]), self._coarse, strict=True):
             H = self._align_level(gray, level, H, trust)
-        return self._align_fine(current, H, trust)
+        H = self._align_fine(current, H, trust)
+        return self._look(self._fine, np.arange(len(self._fine)), current, H)
 
     def _align_level(self, gray: Gray, level: Level, guess: Homography, trust: FloatArray) -> Homography:
         """`guess` corrected by one pyramid level; unchanged where the level has too little to say."""
-        to_level, from_level = level.scale, np.linalg.inv(level.scale)
-        H = to_level @ guess @ from_level
-        H = H / H[2, 2]
-        known = level.covers.sum(axis=1)
-        level_trust = np.where(known > 0, level.covers @ trust / np.maximum(known, 1), 1.0)
-        for _ in range(_COARSE_STEPS):
-            pairs = self._pairs(level.patches, _patches.measure(level.patches, gray, np.linalg.inv(H), False), H)
-            better = estimators.refine(pairs, "affine", _COARSE_THRESHOLD_PX, H, level_trust[pairs.feature_id])
+        H = normalized(level.scale @ guess @ np.linalg.inv(level.scale))
+        every = np.arange(len(level.patches))
+        better = self._align(level.patches, every, gray, H, level.trust(trust), _COARSE)
+        return guess if better is None else normalized(np.linalg.inv(level.scale) @ better @ level.scale)
+
+    def _align_fine(self, gray: Gray, guess: Homography, trust: FloatArray) -> Homography:
+        """`guess` corrected at full resolution by an even share of the patches that are trusted."""
+        trusted = np.flatnonzero(trust > _TRUSTED)
+        chosen = trusted[:: max(1, len(trusted) // _ALIGNING_PATCHES)]
+        better = self._align(self._fine, chosen, gray, guess, trust, _FINE)
+        return guess if better is None else better
+
+    def _align(self, patches: Patches, chosen: IdArray, gray: Gray, H: Homography, trust: FloatArray,
+               steps: Steps) -> Homography | None:
+        """Measure and correct until the correction is negligible; None where that fails."""
+        for _ in range(steps.most):
+            pairs = self._look(patches, chosen, gray, H)
+            better = estimators.refine(pairs, steps.model, steps.threshold_px, H, trust[pairs.feature_id])
             if better is None:
-                return guess
+                return None
             moved, H = rms_distance(better, H, gray.shape[::-1]), better
-            if moved < 0.05:
+            if moved < steps.converged_px:
                 break
-        H = from_level @ H @ to_level
-        return np.asarray(H / H[2, 2])
+        return H
 
-    def _align_fine(self, gray: Gray, H: Homography, trust: FloatArray) -> Correspondences:
-        """Measure and correct at full resolution until the correction is negligible; the last measurement counts."""
-        size = gray.shape[::-1]
-        for step in range(_FINE_STEPS):
-            pairs = self._pairs(self._fine, _patches.measure(self._fine, gray, np.linalg.inv(H), step > 0), H)
-            better = estimators.refine(pairs, "projective", _FINE_THRESHOLD_PX, H, trust[pairs.feature_id])
-            if better is None:
-                break
-            moved, H = rms_distance(better, H, size), better
-            if step > 0 and moved < _CONVERGED_PX:
-                break
-        return pairs
-
-    def _pairs(self, patches: Patches, measured: Measured, H: Homography) -> Correspondences:
-        """Those patches that were found again, as correspondences."""
+    def _look(self, patches: Patches, chosen: IdArray, gray: Gray, H: Homography) -> Correspondences:
+        """Those of the chosen patches that are found again near where H says they are."""
+        cur_H_ref = np.linalg.inv(H)
+        measured = _patches.measure(patches, chosen, gray, cur_H_ref)
         near = np.abs(measured.displacement).max(axis=1, initial=0) <= _LINEAR_PX
-        found = np.flatnonzero(near & (measured.correlation >= self._config.min_correlation))
-        reference_px = patches.centres[found].astype(np.float64)
-        current_px = apply(np.linalg.inv(H), reference_px + measured.displacement[found])
-        return Correspondences(found, reference_px, current_px, measured.information[found])
+        found = near & (measured.correlation >= self._config.min_correlation)
+        reference_px = patches.centres[chosen[found]].astype(np.float64)
+        current_px = apply(cur_H_ref, reference_px + measured.displacement[found])
+        return Correspondences(chosen[found], reference_px, current_px, measured.information[found])
 
 
 def build_pyramid(gray: Gray) -> list[Gray]:

@@ -7,31 +7,37 @@ straight to the current frame with the predicted homography as the start, so tha
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import cv2
 import numpy as np
 
 from stab_ros.core.config import Checked, setting
 from stab_ros.core.geometry import apply
-from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography
+from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray
 
 _SIGMA_PX = 0.1  # of one tracked corner; measured on synthetic scenes with 2 grey levels of noise
+
+
+@dataclass(frozen=True)
+class KltConfig(Checked):
+    """Parameters `klt.*`."""
+
+    corners: int = setting(1000, "most corners to follow", 8, 10000)
+    quality: float = setting(0.01, "weakest corner against the strongest (minimum eigenvalue)", 1e-4, 1.0)
+    min_distance: float = setting(12.0, "least distance between corners, px", 1.0, 500.0)
+    block: int = setting(21, "side of the window that is followed, px", 5, 101)
+    levels: int = setting(5, "pyramid levels", 1, 8)
+    max_bidirectional: float = setting(0.5, "a corner that misses itself there and back by more is dropped, px",
+                                       0.01, 10.0)
 
 
 class Klt:
     """`stab_ros.methods.Method` by corners and optical flow."""
 
-    @dataclass(frozen=True)
-    class Config(Checked):
-        corners: int = setting(1000, "most corners to follow", 8, 10000)
-        quality: float = setting(0.01, "weakest corner against the strongest (minimum eigenvalue)", 1e-4, 1.0)
-        min_distance: float = setting(12.0, "least distance between corners, px", 1.0, 500.0)
-        block: int = setting(21, "side of the window that is followed, px", 5, 101)
-        levels: int = setting(5, "pyramid levels", 1, 8)
-        max_bidirectional: float = setting(0.5, "forward-backward error beyond which a corner is dropped, px", 0.01, 10.0)
-        min_correlation: float = setting(0.5, "a corner that looks less like its template is left out", 0.1, 0.99)
+    Config: ClassVar[type[Any]] = KltConfig
 
-    def __init__(self, reference: Gray, allowed: BoolArray, config: Klt.Config) -> None:
+    def __init__(self, reference: Gray, allowed: BoolArray, config: KltConfig) -> None:
         """reference: (h, w) uint8. allowed: (h, w) bool, where corners may lie."""
         self._config, self._reference = config, reference
         found = cv2.goodFeaturesToTrack(reference, config.corners, config.quality, config.min_distance,
@@ -39,13 +45,13 @@ class Klt:
         self._corners = np.zeros((0, 2), np.float32) if found is None else found.reshape(-1, 2).astype(np.float32)
 
     @property
-    def features(self) -> int:
-        return len(self._corners)
+    def reference_px(self) -> FloatArray:
+        return self._corners.astype(np.float64)
 
     def match(self, current: Gray, guess: Homography, trust: FloatArray) -> Correspondences:
-        if not self.features:
+        if not len(self._corners):
             return self._pairs(np.zeros(0, np.int64), np.zeros((0, 2)))
-        start = apply(np.linalg.inv(guess), self._corners.astype(np.float64)).astype(np.float32)
+        start = apply(np.linalg.inv(guess), self.reference_px).astype(np.float32)
         forward, seen = self._flow(self._reference, current, self._corners, start)
         backward, seen_again = self._flow(current, self._reference, forward, self._corners)
         error = np.abs(backward - self._corners).max(axis=1)
@@ -61,6 +67,6 @@ class Klt:
                                                     flags=cv2.OPTFLOW_USE_INITIAL_FLOW)
         return moved, status.ravel().astype(bool)
 
-    def _pairs(self, kept: np.ndarray, current_px: FloatArray) -> Correspondences:
+    def _pairs(self, kept: IdArray, current_px: FloatArray) -> Correspondences:
         information = np.tile(np.eye(2) / _SIGMA_PX**2, (len(kept), 1, 1))
-        return Correspondences(kept.astype(np.int64), self._corners[kept].astype(np.float64), current_px, information)
+        return Correspondences(kept, self.reference_px[kept], current_px, information)

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-import dataclasses
 import difflib
 import sys
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
+from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from stab_ros.core.config import Checked, Range, Value, checked, range_of
-from stab_ros.core.errors import InputError
-from stab_ros.core.parameters import Parameter
+from stab_ros.core.config import Range, Value, checked
+from stab_ros.core.errors import ConfigError, InputError
+from stab_ros.core.parameters import Parameter, parameters_of
 
 _OF_ROS = ("use_sim_time", "start_type_description_service")
 _LARGEST_INTEGER = 2**63 - 1
 
 
-def table_of(settings: type[Checked]) -> dict[str, Parameter]:
+def table_of(settings: type[Any]) -> dict[str, Parameter]:
     """The parameters that the fields of a settings dataclass stand for."""
-    fields = dataclasses.fields(settings)  # type: ignore[arg-type]  # Checked is the base of dataclasses, not one itself
-    return {item.name: Parameter(item.name, item.default, range_of(item)) for item in fields}
+    return {parameter.name: parameter for parameter in parameters_of(settings)}
 
 
 def declare(node: Node, table: Mapping[str, Parameter], changeable: Collection[str] = ()) -> dict[str, Value]:
@@ -46,6 +45,23 @@ def _take_override(node: Node, parameter: Parameter) -> Value:
     given = node.get_parameter(parameter.name).value
     node.undeclare_parameter(parameter.name)
     return checked(parameter.name, given, parameter.default, parameter.limits)
+
+
+def declare_names(node: Node, name: str, doc: str) -> list[str]:
+    """Declares a read-only list of strings, empty by default; a single string counts as a list of one.
+
+    Raises:
+        ConfigError: the override is something else.
+    """
+    given = node.get_parameter(name).value if node.has_parameter(name) else []
+    names = list(given) if isinstance(given, Iterable) and not isinstance(given, str) else [given]
+    if not all(isinstance(one, str) for one in names):
+        raise ConfigError(f"{name}: {given!r} must be a list of names, as in -p {name}:=[/a,/b]")
+    if node.has_parameter(name):
+        node.undeclare_parameter(name)
+    shown = ParameterDescriptor(description=doc, read_only=True)
+    node.declare_parameter(name, names or RosParameter.Type.STRING_ARRAY, shown, ignore_override=True)
+    return names
 
 
 def describe(limits: Range, value: Value, read_only: bool) -> ParameterDescriptor:
@@ -77,16 +93,13 @@ def warn_of_unknown(node: Node, known: Collection[str]) -> None:
 
 
 class LiveChanges:
-    """Changes of parameters at run time: `check` judges the new values (InputError refuses), then `apply` takes them."""
+    """Changes of parameters at run time: `take` puts all into force, or raises InputError and changes nothing."""
 
-    def __init__(self, node: Node, table: Mapping[str, Parameter],
-                 check: Callable[[dict[str, Value]], None], apply: Callable[[dict[str, Value]], None]) -> None:
+    def __init__(self, node: Node, table: Mapping[str, Parameter], take: Callable[[dict[str, Value]], None]) -> None:
         self._table = table
-        self._check = check
-        self._apply = apply
+        self._take = take
         node.add_pre_set_parameters_callback(self._as_declared)
         node.add_on_set_parameters_callback(self._judge)
-        node.add_post_set_parameters_callback(lambda changed: self._apply(self._of_ours(changed)))
 
     def _as_declared(self, changed: list[RosParameter]) -> list[RosParameter]:
         """`ros2 param set ... 1` for a float is an integer on the wire."""
@@ -99,10 +112,7 @@ class LiveChanges:
 
     def _judge(self, changed: list[RosParameter]) -> SetParametersResult:
         try:
-            self._check(self._of_ours(changed))
+            self._take({one.name: one.value for one in changed if one.name in self._table})
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
-
-    def _of_ours(self, changed: list[RosParameter]) -> dict[str, Value]:
-        return {one.name: one.value for one in changed if one.name in self._table}

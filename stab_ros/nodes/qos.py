@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import yaml
-from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import (
     DurabilityPolicy,
@@ -24,6 +24,7 @@ Choice: TypeAlias = Callable[[Sequence[QoSProfile]], QoSProfile]
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 KEEP_ALL = QoSProfile(history=HistoryPolicy.KEEP_ALL)
 _REPLAY_DEPTH = 10  # of a replayed topic, as rosbag2
+_COMPATIBLE = {"RELIABILITY": "reliability BEST_EFFORT", "DURABILITY": "durability VOLATILE"}
 _INFINITE_NS = 2**63 - 1
 
 # as rosbag2 writes them: names since Iron, numbers before
@@ -68,13 +69,14 @@ class AdaptiveSubscription:
     def __init__(self, node: Node, msg_class: Any, topic: str, callback: RawCallback, choose: Choice, fix: str) -> None:
         self._node = node
         self._msg_class = msg_class
-        self._topic = node.resolve_topic_name(topic)
+        self.topic = node.resolve_topic_name(topic)
         self._callback = callback
         self._choose = choose
         self._fix = fix
         self._refused = ""
-        self.publishers = 0
-        self.qos = choose(self._offers())
+        offers = self._offers()
+        self.publishers = len(offers)
+        self.qos = choose(offers)
         self._subscription = self._subscribe()
 
     def refresh(self) -> None:
@@ -87,7 +89,7 @@ class AdaptiveSubscription:
             self._node.destroy_subscription(self._subscription)
             self._subscription = self._subscribe()
         elif self._refused:
-            self._node.get_logger().error(f"{self._topic}: a publisher offers an incompatible {self._refused}, "
+            self._node.get_logger().error(f"{self.topic}: a publisher offers an incompatible {self._refused}, "
                                           f"nothing is received from it; {self._fix}")
         self._refused = ""
 
@@ -95,15 +97,26 @@ class AdaptiveSubscription:
         self._node.destroy_subscription(self._subscription)
 
     def _offers(self) -> list[QoSProfile]:
-        return [info.qos_profile for info in self._node.get_publishers_info_by_topic(self._topic)]
+        return [info.qos_profile for info in self._node.get_publishers_info_by_topic(self.topic)]
 
     def _subscribe(self) -> Subscription:
         events = SubscriptionEventCallbacks(incompatible_qos=self._note_refusal)
         return self._node.create_subscription(
-            self._msg_class, self._topic, self._callback, self.qos, raw=True, event_callbacks=events)
+            self._msg_class, self.topic, self._callback, self.qos, raw=True, event_callbacks=events)
 
     def _note_refusal(self, event: Any) -> None:
         self._refused = policy_name(event.last_policy_kind)  # `refresh` first sees whether it can adapt
+
+
+def publisher_events(node: Node, topic: str) -> PublisherEventCallbacks:
+    """Logs subscribers that ask for more than is offered."""
+
+    def refused(event: Any) -> None:
+        policy = policy_name(event.last_policy_kind)
+        node.get_logger().error(f"{topic}: a subscriber asks for a {policy} that is not offered and gets nothing; "
+                                f"let it subscribe with {_COMPATIBLE.get(policy, 'the default ' + policy)}")
+
+    return PublisherEventCallbacks(incompatible_qos=refused)
 
 
 def policy_name(kind: QoSPolicyKind) -> str:
@@ -135,19 +148,22 @@ def _recorded_offers(offered_qos_profiles: str) -> list[dict[str, Any]]:
 
 def offered_yaml(offers: Sequence[QoSProfile]) -> str:
     """What rosbag2 writes as `offered_qos_profiles` of a topic with these publishers."""
-    infinite = {"sec": _INFINITE_NS // 1_000_000_000, "nsec": _INFINITE_NS % 1_000_000_000}
     profiles = [
         {
             "history": "keep_last",  # discovery does not tell the history
             "depth": _REPLAY_DEPTH,
             "reliability": offer.reliability.name.lower(),
             "durability": offer.durability.name.lower(),
-            "deadline": infinite,
-            "lifespan": infinite,
+            "deadline": _infinite(),
+            "lifespan": _infinite(),
             "liveliness": "automatic",
-            "liveliness_lease_duration": infinite,
+            "liveliness_lease_duration": _infinite(),
             "avoid_ros_namespace_conventions": False,
         }
         for offer in offers
     ]
-    return yaml.dump(profiles, Dumper=_PlainDumper, sort_keys=False) if profiles else ""
+    return yaml.safe_dump(profiles, sort_keys=False) if profiles else ""
+
+
+def _infinite() -> dict[str, int]:  # a new one each time: yaml would write a shared one as an alias
+    return {"sec": _INFINITE_NS // 1_000_000_000, "nsec": _INFINITE_NS % 1_000_000_000}

@@ -1,0 +1,63 @@
+# Needs Python 3.11 to 3.13, git and make; everything else goes into .venv, once.
+
+PYTHONS := python3 python3.13 python3.12 python3.11 python
+VENV := .venv
+INSTALLED := $(VENV)/.installed
+PY := $(VENV)/bin/python
+
+# The wheels in .venv are a ROS 2 of their own: one sourced in this shell (or another .venv) must not shine through.
+unexport PYTHONHOME PYTHONPATH LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
+export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+.PHONY: help install demo test lint bench clean
+.DELETE_ON_ERROR:
+
+help:
+	@echo "make demo    replay the recorded flight through the live nodes, show the result and its error"
+	@echo "make test    lint, type check and tests"
+	@echo "make lint    lint and type check alone"
+	@echo "make bench   time a frame, step by step"
+	@echo "make install set up .venv (the others do it when needed)"
+	@echo "make clean   remove .venv and what the tools left"
+
+install: $(INSTALLED)
+
+demo: $(INSTALLED)
+	@$(PY) -m stab_ros.demo
+
+test: export ROS_PYTHON_CHECK_FIELDS := 1
+test: lint
+	$(PY) -m pytest
+
+lint: $(INSTALLED)
+	$(PY) -m ruff check .
+	$(PY) -m mypy
+
+bench: $(INSTALLED)
+	@$(PY) bench/run.py
+
+clean:
+	rm -rf $(VENV) build install log demo_output stab_ros.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# The first Python of PYTHONS that runs, is of the right version and can make an environment; PYTHONS=... overrides.
+define FIND_PYTHON
+for python in $(PYTHONS); do \
+    "$$python" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null || continue; \
+    "$$python" -c 'import ensurepip, venv' 2>/dev/null && found="$$python" && break; \
+    incomplete="$$python"; \
+done; \
+if [ -z "$$found" ] && [ -n "$$incomplete" ]; then \
+    echo "$$incomplete has no venv or no ensurepip; on Debian and Ubuntu: apt install python3-venv" >&2; exit 1; \
+elif [ -z "$$found" ]; then \
+    echo "no Python 3.11 to 3.13 among $(PYTHONS); name one: make PYTHONS=/path/to/python3.12" >&2; exit 1; \
+fi
+endef
+
+$(INSTALLED): setup.py
+	@$(FIND_PYTHON); \
+	$(PY) -m pip --version >/dev/null 2>&1 || "$$found" -m venv --clear $(VENV)
+	@echo "Setting up $(VENV) with $$($(PY) --version); the first time this fetches about 350 MB."
+	$(PY) -m pip install --editable '.[test]'
+	@touch $@

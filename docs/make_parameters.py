@@ -1,0 +1,46 @@
+"""Prints docs/parameters.md from the one place where parameters are described: the settings' own fields.
+
+python docs/make_parameters.py > docs/parameters.md
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from stab_ros.core.config import Range
+from stab_ros.core.parameters import PARAMETERS, Parameter
+from stab_ros.nodes.bag_player_node import PlayerSettings
+from stab_ros.nodes.bag_recorder_node import RecorderSettings
+from stab_ros.nodes.params import table_of
+from stab_ros.nodes.tracker_node import TrackerSettings
+
+_HEAD = """# Parameters
+
+Made by `python docs/make_parameters.py > docs/parameters.md`; the same is shown by `ros2 param describe`.
+A value out of range, of the wrong type or unknown is refused with the reason.
+"""
+_ENGINE = "The tracker's engine: `tracker_node`, and `-p name:=value` of `stab-ros stabilize`"
+_NODES = {"tracker_node": TrackerSettings, "bag_player_node": PlayerSettings, "bag_recorder_node": RecorderSettings}
+
+
+def _section(title: str, parameters: Iterable[Parameter]) -> str:
+    rows = (f"| `{one.name}` | {_default(one)} | {_accepts(one.limits)} | {one.limits.doc} |" for one in parameters)
+    return "\n".join([f"\n## {title}\n", "| name | default | accepts | meaning |", "|---|---|---|---|", *rows])
+
+
+def _default(parameter: Parameter) -> str:
+    return f"`{str(parameter.default).lower()}`" if parameter.default != "" else "none"
+
+
+def _accepts(limits: Range) -> str:
+    if limits.choices:
+        return ", ".join(f"`{choice}`" for choice in limits.choices)
+    if limits.low is not None and limits.high is not None:
+        return f"{limits.low:g} to {limits.high:g}"
+    return "" if limits.low is None else f"from {limits.low:g}"
+
+
+if __name__ == "__main__":
+    print(_HEAD + _section(_ENGINE, PARAMETERS.values()))
+    for name, settings in _NODES.items():
+        print(_section(f"`{name}` alone", table_of(settings).values()))

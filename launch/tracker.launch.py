@@ -1,0 +1,27 @@
+"""The tracker on one camera.
+
+ros2 launch stab_ros tracker.launch.py namespace:=/camera [config:=my.yaml] [image:=/camera/image_raw]
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+
+def generate_launch_description() -> LaunchDescription:
+    config = PathJoinSubstitution([FindPackageShare("stab_ros"), "config", "tracker.yaml"])
+    return LaunchDescription([
+        DeclareLaunchArgument("namespace", default_value="/camera", description="of the camera"),
+        DeclareLaunchArgument("image", default_value="image_raw", description="the camera's image topic"),
+        DeclareLaunchArgument("config", default_value=config, description="parameters of the tracker"),
+        Node(
+            package="stab_ros",
+            executable="tracker_node",
+            namespace=LaunchConfiguration("namespace"),
+            parameters=[LaunchConfiguration("config")],
+            remappings=[("image_raw", LaunchConfiguration("image"))],
+            output="screen",
+        ),
+    ])

@@ -1,0 +1,21 @@
+"""A tracker for each of two cameras.
+
+ros2 launch stab_ros two_cameras.launch.py first:=/left second:=/right
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.substitutions import FindPackageShare
+
+
+def generate_launch_description() -> LaunchDescription:
+    tracker = PathJoinSubstitution([FindPackageShare("stab_ros"), "launch", "tracker.launch.py"])
+    return LaunchDescription([
+        DeclareLaunchArgument("first", default_value="/left", description="namespace of a camera"),
+        DeclareLaunchArgument("second", default_value="/right", description="namespace of the other camera"),
+        *(
+            IncludeLaunchDescription(tracker, launch_arguments={"namespace": LaunchConfiguration(name)}.items())
+            for name in ("first", "second")
+        ),
+    ])

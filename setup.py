@@ -1,0 +1,70 @@
+"""Packaging for pip (ROS 2 from wheels) and for colcon (ROS 2 from apt)."""
+
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = "stab_ros"
+SHARE = f"share/{NAME}"
+ON_ROS_WHEELS = 'sys_platform == "linux" and platform_machine == "x86_64"'  # elsewhere ROS 2 comes from apt
+
+
+def files_in(folder: str) -> tuple[str, list[str]]:
+    """A `data_files` entry that installs the files of `folder` under the package's share directory."""
+    return f"{SHARE}/{folder}", sorted(str(path) for path in Path(folder).glob("*") if path.is_file())
+
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    description="Image stabilisation for river measurement from drones, live in ROS 2 and from recordings",
+    license="Apache-2.0",
+    maintainer="stab_ros maintainers",
+    maintainer_email="maintainers@example.com",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={NAME: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (SHARE, ["package.xml"]),
+        files_in("launch"),
+        files_in("config"),
+        files_in("bags"),
+    ],
+    python_requires=">=3.11",
+    # Under apt's Jazzy these come from apt (see package.xml), where cv2 is the distribution "opencv" of python3-opencv.
+    install_requires=[
+        "numpy>=1.26",
+        "opencv-contrib-python-headless>=4.6",
+        "numba>=0.58",
+        "apsw>=3.45",
+        'backports.zstd>=1.0; python_version < "3.14"',
+        "lz4>=4.0",
+        "mcap>=1.3",
+        "rosbags>=0.11",
+        "rosbags-image>=0.10.4",
+        "PyYAML>=6.0",
+        "tqdm>=4.64",
+        "zstandard>=0.22",
+        f"ros-jazzy-rclpy[fastrtps]>=7.1.5; {ON_ROS_WHEELS}",
+        f"ros-jazzy-common-interfaces>=5.3.6; {ON_ROS_WHEELS}",
+    ],
+    extras_require={
+        "test": [
+            "hypothesis>=6.98",
+            "mypy>=1.15",
+            "pytest>=7.4",
+            "ruff>=0.9",
+            "types-PyYAML>=6.0",
+            "types-tqdm>=4.66",
+        ],
+    },
+    entry_points={
+        "console_scripts": [
+            "stab-ros = stab_ros.cli:main",
+            "tracker_node = stab_ros.nodes.tracker:main",
+            "bag_player_node = stab_ros.nodes.bag_player:main",
+            "bag_recorder_node = stab_ros.nodes.bag_recorder:main",
+        ],
+    },
+    zip_safe=True,
+)

@@ -1,0 +1,238 @@
+"""The command `stab-ros`: parses, calls `io` (or `nodes`), and turns errors into one line and an exit code.
+
+Exit codes: 0 done, 1 work broke off, 2 bad input or usage, 130 interrupted. A command imports what it needs when it
+runs, so that usage errors and --help are quick and only `play` and `record` need ROS.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import signal
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stderr
+from pathlib import Path
+from typing import Any
+
+from stab_ros.core.errors import InputError, StabRosError
+from stab_ros.options import Parser, assignment, positive_float, positive_int
+
+DONE, BROKEN_OFF, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+_STDERR = 2
+_PLAY_OPTIONS = ("rate", "loop", "start_offset", "clock", "wait_for_subscribers")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs one command and gives its exit code; every error that is not a bug ends here."""
+    options = _parser().parse_args(arguments)
+    run: Callable[[argparse.Namespace], int] = options.run
+    try:
+        code = run(options)
+        sys.stdout.flush()
+        return code
+    except StabRosError as error:
+        _say(str(error))
+        return BAD_INPUT if isinstance(error, InputError) else BROKEN_OFF
+    except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is left to do is to end
+        _say("interrupted; an unfinished output has .partial in its name")
+        return INTERRUPTED
+    except BrokenPipeError:  # who reads our output has gone, as in `stab-ros info BAG | head -1`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_OFF
+
+
+def _parser() -> Parser:
+    parser = Parser(prog="stab-ros", description="Holds a river still: registers drone video to one reference frame.")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    _add_stabilize(commands)
+    _add_convert(commands)
+    _add_play(commands)
+    _add_record(commands)
+    _add_recover(commands)
+    _add_info(commands)
+    return parser
+
+
+def _add_stabilize(commands: Any) -> None:
+    parser = commands.add_parser("stabilize", help="stabilise a recording into an MCAP bag")
+    parser.add_argument("input", type=Path, metavar="INPUT",
+                        help="an .mcap, rosbag2 folder, ROS 1 .bag, video or folder of images")
+    parser.add_argument("output", type=Path, metavar="OUTPUT.mcap")
+    parser.add_argument("--image-topic", metavar="T", help="which, where a bag has several")
+    parser.add_argument("--config", type=Path, metavar="FILE.yaml", help="a ROS parameter file")
+    parser.add_argument("-p", dest="parameters", type=assignment, action="append", default=[], metavar="name:=value",
+                        help="a parameter of the tracker; may be repeated, and overrides --config")
+    parser.add_argument("--homographies", type=Path, metavar="H.csv", help="write a table of all homographies")
+    parser.add_argument("--video", type=Path, metavar="V.mp4",
+                        help="write the stabilised frames as a video, in which a lost frame repeats the one before")
+    parser.add_argument("--no-image", action="store_true", help="leave image_stabilized out of the bag")
+    parser.add_argument("--keep-raw", action="store_true", help="take the raw images over into the bag")
+    parser.add_argument("--limit", type=positive_int, metavar="N", help="stop after N frames")
+    parser.add_argument("--fps", type=positive_float, metavar="F", help="frame rate of the video or folder, of --video")
+    _add_force(parser)
+    parser.set_defaults(run=_stabilize)
+
+
+def _stabilize(options: argparse.Namespace) -> int:
+    from stab_ros.core.parameters import checked_values
+    from stab_ros.io.engine import read_config
+    from stab_ros.io.offline import Job, stabilize
+
+    values = read_config(options.config) if options.config else {}
+    values |= checked_values(dict(options.parameters))
+    job = Job(options.input, options.output, values, options.image_topic, options.homographies, options.video,
+              not options.no_image, options.keep_raw, options.limit, options.fps, options.force)
+    with _quiet_libraries(), _progress("frames") as progress:
+        summary = stabilize(job, progress)
+    _warn(summary.warnings)
+    print(f"{summary.frames} frames: {summary.tracked} tracked, {summary.lost} lost, "
+          f"{summary.frames / summary.duration_s:.1f} frames/s")
+    for name, path in (("bag", job.output), ("homographies", job.homographies), ("video", job.video)):
+        if path is not None:
+            print(f"{name + ':':13} {path}")
+    return DONE
+
+
+def _add_convert(commands: Any) -> None:
+    parser = commands.add_parser("convert", help="turn any recording into an MCAP bag")
+    parser.add_argument("input", type=Path, metavar="INPUT", help="as of stabilize")
+    parser.add_argument("output", type=Path, metavar="OUTPUT.mcap")
+    parser.add_argument("--topic", metavar="T", help="for a video or folder: the topic of the images (default "
+                        "/camera/image_raw); for a bag: the one topic to convert (default: all)")
+    parser.add_argument("--fps", type=positive_float, metavar="F", help="frame rate of a video or folder")
+    parser.add_argument("--limit", type=positive_int, metavar="N", help="stop after N frames of a video or folder")
+    _add_force(parser)
+    parser.set_defaults(run=_convert)
+
+
+def _convert(options: argparse.Namespace) -> int:
+    from stab_ros.io.convert import Conversion, convert
+
+    job = Conversion(options.input, options.output, options.topic, options.fps, options.limit, options.force)
+    with _quiet_libraries(), _progress("messages") as progress:
+        done = convert(job, progress)
+    _warn(done.warnings)
+    print(f"{done.messages} messages\nbag: {job.output}")
+    return DONE
+
+
+def _add_play(commands: Any) -> None:
+    parser = commands.add_parser("play", help="publish a bag's messages live (needs ROS 2)")
+    parser.add_argument("bag", type=Path)
+    parser.add_argument("--rate", type=positive_float, help="times real time")
+    parser.add_argument("--loop", action="store_true", default=None, help="start again at the end")
+    parser.add_argument("--start-offset", type=positive_float, metavar="S", help="skip the first S seconds")
+    parser.add_argument("--clock", action="store_true", default=None, help="publish /clock")
+    parser.add_argument("--wait-for-subscribers", type=positive_int, metavar="N", help="begin once N have come")
+    parser.set_defaults(run=_play)
+
+
+def _play(options: argparse.Namespace) -> int:
+    given = {name: value for name, value in vars(options).items() if name in _PLAY_OPTIONS and value is not None}
+    with _needs_ros("play"):
+        from stab_ros.nodes.bag_player import play
+
+        return play({"bag": str(options.bag), **given})
+
+
+def _add_record(commands: Any) -> None:
+    parser = commands.add_parser("record", help="record live topics into an MCAP bag (needs ROS 2)")
+    parser.add_argument("output", type=Path, metavar="OUT.mcap")
+    parser.add_argument("topics", nargs="+", metavar="TOPIC")
+    _add_force(parser)
+    parser.set_defaults(run=_record)
+
+
+def _record(options: argparse.Namespace) -> int:
+    with _needs_ros("record"):
+        from stab_ros.nodes.bag_recorder import record
+
+        return record({"output": str(options.output), "topics": options.topics, "overwrite": options.force})
+
+
+def _add_recover(commands: Any) -> None:
+    parser = commands.add_parser("recover", help="save what can be read of a broken .mcap")
+    parser.add_argument("broken", type=Path, metavar="BROKEN.mcap")
+    parser.add_argument("fixed", type=Path, metavar="FIXED.mcap")
+    _add_force(parser)
+    parser.set_defaults(run=_recover)
+
+
+def _recover(options: argparse.Namespace) -> int:
+    from stab_ros.io.outputs import check_output
+    from stab_ros.io.recover import recover
+
+    check_output(options.fixed, ".mcap", options.broken, options.force)
+    saved = recover(options.broken, options.fixed, options.force)
+    _warn(saved.warnings)
+    print(f"{saved.messages} messages on {saved.topics} topics\nbag: {options.fixed}")
+    return DONE
+
+
+def _add_info(commands: Any) -> None:
+    parser = commands.add_parser("info", help="show what a recording holds")
+    parser.add_argument("bag", type=Path, help="a bag; also a video or a folder of images")
+    parser.set_defaults(run=_info)
+
+
+def _info(options: argparse.Namespace) -> int:
+    from stab_ros.io.info import describe
+
+    with _quiet_libraries():
+        lines, warnings = describe(options.bag)
+    _warn(warnings)
+    print("\n".join(lines))
+    return DONE
+
+
+def _add_force(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--force", action="store_true", help="overwrite output that exists")
+
+
+def _say(line: str) -> None:
+    print("stab-ros:", " ".join(line.split()), file=sys.stderr)
+
+
+def _warn(warnings: Iterable[str]) -> None:
+    for warning in warnings:
+        _say(f"warning: {warning}")
+
+
+@contextmanager
+def _needs_ros(command: str) -> Iterator[None]:
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise InputError(f"{command} needs ROS 2, but there is no module {error.name}; install ROS 2 Jazzy or "
+                         "`pip install ros-jazzy-rclpy[fastrtps] ros-jazzy-common-interfaces`") from error
+
+
+@contextmanager
+def _progress(unit: str) -> Iterator[Callable[[int, int | None], None]]:
+    """Shows how many are done, a second's rate and the time left; only on a terminal."""
+    from tqdm import tqdm
+
+    columns = min(100, shutil.get_terminal_size().columns)  # a terminal may say that it has none
+    with tqdm(unit=f" {unit}", ncols=columns, disable=None, leave=False) as bar:
+
+        def show(done: int, total: int | None) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        yield show
+
+
+@contextmanager
+def _quiet_libraries() -> Iterator[None]:
+    """`sys.stderr` goes on, descriptor 2 leads nowhere: libjpeg, libpng and FFmpeg write to it as they please."""
+    with os.fdopen(os.dup(_STDERR), "w", buffering=1, errors="backslashreplace") as ours, redirect_stderr(ours):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, _STDERR)
+        os.close(nowhere)
+        try:
+            yield
+        finally:
+            os.dup2(ours.fileno(), _STDERR)

@@ -1,0 +1,171 @@
+"""Compiled inner loop of the estimators: iteratively re-weighted Gauss-Newton over the motions of a model.
+
+A model's motions v_k(p) are the first `k` of tx, ty, rotation, scale, stretch, shear and two tilts, in coordinates
+centred on `centre` and divided by `radius`, so that every parameter has the unit px. Each step finds the small motion
+that best explains what is left between H p and its reference point, and composes it with H, which so stays in the
+model's group (Baker and Matthews 2004, section 3.2). All arrays are float64.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+
+from stab_ros.core.types import FloatArray, Homography
+
+_SINGULAR = 1e-10  # of the pivots of a matrix with a unit diagonal
+
+
+@numba.njit(cache=True, nogil=True)
+def squared_residuals(H: Homography, reference: FloatArray, current: FloatArray, shape: FloatArray) -> FloatArray:
+    """e^T shape e of every feature, px^2; infinite where H puts it behind the camera."""
+    out = np.empty(len(current))
+    for i in range(len(current)):
+        x, y = current[i, 0], current[i, 1]
+        w = H[2, 0] * x + H[2, 1] * y + H[2, 2]
+        if w <= 0:
+            out[i] = np.inf
+            continue
+        ex = reference[i, 0] - (H[0, 0] * x + H[0, 1] * y + H[0, 2]) / w
+        ey = reference[i, 1] - (H[1, 0] * x + H[1, 1] * y + H[1, 2]) / w
+        out[i] = ex * ex * shape[i, 0, 0] + 2 * ex * ey * shape[i, 0, 1] + ey * ey * shape[i, 1, 1]
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def look_up(table: FloatArray, squared: float, beyond: float) -> float:
+    """The table's value at `squared` in [0, 1); `beyond` from there on."""
+    return table[int(squared * (len(table) - 1))] if squared < 1 else beyond
+
+
+@numba.njit(cache=True, nogil=True)
+def weigh(squared: FloatArray, table: FloatArray, beyond: float) -> FloatArray:
+    out = np.empty(len(squared))
+    for i in range(len(squared)):
+        out[i] = look_up(table, squared[i], beyond)
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def least_loss(candidates: FloatArray, reference: FloatArray, current: FloatArray, shape: FloatArray, trust: FloatArray,
+               loss: FloatArray, per_squared_px: float) -> tuple[int, float]:
+    """Which of the (M, 3, 3) candidates has the least trust-weighted loss, and that loss."""
+    best, least = -1, np.inf
+    for m in range(len(candidates)):
+        squared = squared_residuals(candidates[m], reference, current, shape)
+        total = 0.0
+        for i in range(len(squared)):
+            total += trust[i] * look_up(loss, squared[i] * per_squared_px, 1.0)
+        if total < least:
+            best, least = m, total
+    return best, least
+
+
+@numba.njit(cache=True, nogil=True)
+def accumulate(H: Homography, reference: FloatArray, current: FloatArray, information: FloatArray, weight: FloatArray,
+               centre: FloatArray, radius: float, k: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Sums over the features of w J^T Omega J (k, k), of w J^T Omega e (k,) and of the latter's outer products."""
+    normal, right, scatter = np.zeros((k, k)), np.zeros(k), np.zeros((k, k))
+    along_x, along_y, weighted_x, weighted_y, score = np.empty(8), np.empty(8), np.empty(8), np.empty(8), np.empty(8)
+    for i in range(len(current)):
+        if weight[i] <= 0:
+            continue
+        w = H[2, 0] * current[i, 0] + H[2, 1] * current[i, 1] + H[2, 2]
+        mapped_x = (H[0, 0] * current[i, 0] + H[0, 1] * current[i, 1] + H[0, 2]) / w
+        mapped_y = (H[1, 0] * current[i, 0] + H[1, 1] * current[i, 1] + H[1, 2]) / w
+        x, y = (mapped_x - centre[0]) / radius, (mapped_y - centre[1]) / radius
+        along_x[0], along_x[1], along_x[2], along_x[3] = 1.0, 0.0, -y, x
+        along_x[4], along_x[5], along_x[6], along_x[7] = x, y, x * x, x * y
+        along_y[0], along_y[1], along_y[2], along_y[3] = 0.0, 1.0, x, y
+        along_y[4], along_y[5], along_y[6], along_y[7] = -y, x, x * y, y * y
+        xx, xy = weight[i] * information[i, 0, 0], weight[i] * information[i, 0, 1]
+        yy = weight[i] * information[i, 1, 1]
+        ex, ey = reference[i, 0] - mapped_x, reference[i, 1] - mapped_y
+        for a in range(k):
+            weighted_x[a] = xx * along_x[a] + xy * along_y[a]
+            weighted_y[a] = xy * along_x[a] + yy * along_y[a]
+            score[a] = weighted_x[a] * ex + weighted_y[a] * ey
+            right[a] += score[a]
+            for b in range(a + 1):
+                normal[a, b] += weighted_x[a] * along_x[b] + weighted_y[a] * along_y[b]
+                scatter[a, b] += score[a] * score[b]
+    for a in range(k):
+        for b in range(a):
+            normal[b, a], scatter[b, a] = normal[a, b], scatter[a, b]
+    return normal, right, scatter
+
+
+@numba.njit(cache=True, nogil=True)
+def solve(normal: FloatArray, right: FloatArray) -> tuple[bool, FloatArray]:
+    """Cholesky on the matrix scaled to a unit diagonal; False where it is singular."""
+    k = len(right)
+    lower, x = np.zeros((k, k)), np.zeros(k)
+    for a in range(k):
+        if not normal[a, a] > 0:
+            return False, x
+    scale = 1 / np.sqrt(np.diag(normal))
+    for a in range(k):
+        for b in range(a + 1):
+            rest = normal[a, b] * scale[a] * scale[b]
+            for c in range(b):
+                rest -= lower[a, c] * lower[b, c]
+            if a != b:
+                lower[a, b] = rest / lower[b, b]
+            elif rest > _SINGULAR:
+                lower[a, a] = np.sqrt(rest)
+            else:
+                return False, x
+    for a in range(k):
+        x[a] = right[a] * scale[a]
+        for c in range(a):
+            x[a] -= lower[a, c] * x[c]
+        x[a] /= lower[a, a]
+    for a in range(k - 1, -1, -1):
+        for c in range(a + 1, k):
+            x[a] -= lower[c, a] * x[c]
+        x[a] /= lower[a, a]
+    return True, x * scale
+
+
+@numba.njit(cache=True, nogil=True)
+def compose(delta: FloatArray, H: Homography, centre: FloatArray, radius: float) -> Any:
+    """H followed by the small motion `delta` (k,), px; normalised to h22 = 1."""
+    d = np.zeros(8)
+    d[: len(delta)] = delta / radius
+    step = np.array([[1 + d[3] + d[4], d[5] - d[2], d[0]], [d[2] + d[5], 1 + d[3] - d[4], d[1]], [-d[6], -d[7], 1.0]])
+    to_unit = np.array([[1 / radius, 0, -centre[0] / radius], [0, 1 / radius, -centre[1] / radius], [0, 0, 1.0]])
+    from_unit = np.array([[radius, 0, centre[0]], [0, radius, centre[1]], [0, 0, 1.0]])
+    moved = product(from_unit, product(step, product(to_unit, H)))
+    return moved / moved[2, 2]
+
+
+@numba.njit(cache=True, nogil=True)
+def product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Of two 3x3 matrices; numba's own would need scipy."""
+    out = np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def polish(H: Homography, reference: FloatArray, current: FloatArray, information: FloatArray, shape: FloatArray,
+           trust: FloatArray, table: FloatArray, beyond: float, threshold_px: float, centre: FloatArray, radius: float,
+           k: int, steps: int, converged_px: float) -> tuple[bool, Homography]:
+    """At most `steps` steps from H, re-weighted by `table` over r^2 / threshold^2; False where they lead nowhere."""
+    for _ in range(steps):
+        squared = squared_residuals(H, reference, current, shape) / threshold_px**2
+        weight = weigh(squared, table, beyond) * trust
+        normal, right, _scatter = accumulate(H, reference, current, information, weight, centre, radius, k)
+        found, delta = solve(normal, right)
+        if not found:
+            return False, H
+        H = compose(delta, H, centre, radius)
+        if not np.all(np.isfinite(H)):
+            return False, H
+        if np.max(np.abs(delta)) < converged_px:
+            break
+    return True, H

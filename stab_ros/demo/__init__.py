@@ -1,0 +1,1 @@
+"""`make demo`: the recorded flight through the live nodes, and what came of it beside the known truth."""

@@ -1,0 +1,162 @@
+"""A recording through the live nodes: player, tracker and recorder as processes of their own, over DDS."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import HistoryPolicy, QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import CameraInfo
+from tqdm import tqdm
+
+from stab_ros.core.errors import InputError, WorkError
+
+HOMOGRAPHY, TRACK, STABILIZED = "/camera/homography", "/camera/track", "/camera/image_stabilized"
+_PASSED_ON = ("/camera/camera_info", "/gps/fix")
+_STEP_S = 0.1
+_PATIENCE_S = 120.0  # without news for so long, something hangs; the first start compiles the kernels
+_END_S = 15.0  # what a node may take to end
+
+
+def replay(recording: Path, output: Path, log: Path, frames: int) -> None:
+    """Plays `recording`, tracks its `frames` images, records the answers to `output`; what the nodes say goes to `log`.
+
+    Raises:
+        InputError: the nodes are not installed. WorkError: one failed, or the answers stopped coming.
+    """
+    _prepare(log)
+    topics = ",".join((HOMOGRAPHY, TRACK, STABILIZED, *_PASSED_ON))
+    with ExitStack() as stack:
+        recorder = stack.enter_context(
+            _node("bag_recorder_node", log, {"output": output, "overwrite": "true", "topics": f"[{topics}]"}))
+        tracker = stack.enter_context(_node("tracker_node", log, {
+            "image_transport": "compressed", "queue_depth": 0, "wait_for_subscribers": 2,
+        }, "__ns:=/camera", "~/track:=track"))
+        answers = stack.enter_context(_Answers.subscribed())
+        player = stack.enter_context(_node("bag_player_node", log, {"bag": recording, "wait_for_subscribers": 1}))
+        answers.wait_for(frames, (recorder, tracker, player))
+        for node in (player, recorder, tracker):  # the tracker last: its last picture may be on the way to the recorder
+            node.end()
+
+
+def _prepare(log: Path) -> None:
+    """Our own DDS domain on this machine, so that nobody else's nodes meet ours; logs of an earlier run go."""
+    log.mkdir(exist_ok=True)
+    for earlier in (*log.glob("*.log"), *log.glob("*_node.txt")):
+        earlier.unlink()
+    os.environ.update(ROS_DOMAIN_ID=str(1 + os.getpid() % 100), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
+                      ROS_LOG_DIR=str(log.resolve()))
+
+
+class _Node:
+    """A node's process; `end` asks it to finish and wants exit code 0."""
+
+    def __init__(self, name: str, process: subprocess.Popen[bytes], said: Path) -> None:
+        self.name = name
+        self._process = process
+        self._said = said
+
+    def check(self) -> None:
+        """Raises WorkError if the node ended with an error."""
+        code = self._process.poll()
+        if code:
+            lines = self._said.read_text(encoding="utf-8", errors="replace").split("\n")
+            last = next((line for line in reversed(lines) if line.strip()), "it said nothing")
+            raise WorkError(f"{self.name} ended with code {code}: {last} (see {self._said})")
+
+    def end(self) -> None:
+        if self.name != "bag_player_node":  # which ends by itself
+            self._process.send_signal(signal.SIGINT)
+        try:
+            self._process.wait(_END_S)
+        except subprocess.TimeoutExpired as error:
+            raise WorkError(f"{self.name} did not end within {_END_S:g} s (see {self._said})") from error
+        self.check()
+
+
+@contextmanager
+def _node(name: str, log: Path, parameters: Mapping[str, object], *remaps: str) -> Iterator[_Node]:
+    """Starts the executable that was installed beside this Python; in a session of its own, as Ctrl-C is for us."""
+    executable = shutil.which(name, path=Path(sys.executable).parent)
+    if executable is None:
+        raise InputError(f"{name} is not installed beside {sys.executable}, it must be: make install")
+    words = [executable, "--ros-args"]
+    for rule in remaps:
+        words += ["-r", rule]
+    for key, value in parameters.items():
+        words += ["-p", f"{key}:={value}"]
+    said = log / f"{name}.txt"
+    with said.open("wb") as output:
+        process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
+                                   start_new_session=True)
+    try:
+        yield _Node(name, process, said)
+    finally:
+        _stop(process)
+
+
+def _stop(process: subprocess.Popen[bytes]) -> None:
+    """Ends what still runs after a failure."""
+    process.terminate()  # no effect where it has ended
+    try:
+        process.wait(_END_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+class _Answers:
+    """Counts the homographies as they come."""
+
+    def __init__(self, executor: SingleThreadedExecutor) -> None:
+        self.count = 0
+        self._executor = executor
+
+    @classmethod
+    @contextmanager
+    def subscribed(cls) -> Iterator[_Answers]:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        node, executor = rclpy.create_node("demo"), SingleThreadedExecutor()
+        try:
+            answers = cls(executor)
+            keep_all = QoSProfile(history=HistoryPolicy.KEEP_ALL)
+            node.create_subscription(CameraInfo, HOMOGRAPHY, answers._add, keep_all, raw=True)
+            executor.add_node(node)
+            yield answers
+        finally:
+            executor.shutdown()
+            node.destroy_node()
+            rclpy.try_shutdown()
+
+    def wait_for(self, frames: int, nodes: tuple[_Node, ...]) -> None:
+        """Shows progress until there are `frames` answers.
+
+        Raises:
+            WorkError: a node failed, or no answer has come for long.
+        """
+        news_s = time.monotonic()
+        with tqdm(total=frames, unit=" frames", desc="live", disable=None) as progress:
+            while self.count < frames:
+                before = self.count
+                self._executor.spin_once(timeout_sec=_STEP_S)
+                for node in nodes:
+                    node.check()
+                if self.count > before:
+                    news_s = time.monotonic()
+                    progress.update(self.count - before)
+                elif time.monotonic() - news_s > _PATIENCE_S:
+                    raise WorkError(f"{self.count} of {frames} frames were answered, then nothing came for "
+                                    f"{_PATIENCE_S:g} s")
+
+    def _add(self, _homography: bytes) -> None:
+        self.count += 1

@@ -1,0 +1,75 @@
+"""Recordings: opened whatever their format, written as MCAP."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from stab_ros.core.errors import InputError
+from stab_ros.io.bag_types import BagReader, Message, Topic, definition_of, topic_of
+from stab_ros.io.bag_writer import BagWriter
+from stab_ros.io.mcap_reader import McapReader
+from stab_ros.io.rosbags_reader import RosbagsReader
+
+__all__ = ["BagReader", "BagWriter", "Message", "Topic", "definition_of", "open_bag", "topic_of"]
+
+KINDS = "an .mcap, a rosbag2 folder or a ROS 1 .bag"
+
+
+@contextmanager
+def open_bag(path: Path) -> Iterator[BagReader]:
+    """A recording of any kind we read; a damaged MCAP gives what is readable, and warnings.
+
+    Raises:
+        InputError: missing, none of our kinds, or damaged beyond reading.
+    """
+    try:
+        opened = _reader_of(path)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}, the recording must be {KINDS}") from error
+    with closing(opened) as reader:
+        yield reader
+
+
+def _reader_of(path: Path) -> McapReader | RosbagsReader:
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder, the recording must be {KINDS}")
+    if path.is_dir():
+        return _folder_reader(path)
+    name = path.name.lower()
+    if name.endswith((".mcap", ".mcap.partial")):  # the latter is what work that broke off leaves
+        return McapReader([path])
+    if name.endswith((".bag", ".db3")):
+        if path.stat().st_size == 0:
+            raise InputError(f"{path}: is empty, the recording must be {KINDS}")
+        return RosbagsReader(path)
+    raise InputError(f"{path}: is no recording by its name, it must be {KINDS}")
+
+
+def _folder_reader(folder: Path) -> McapReader | RosbagsReader:
+    """Plain MCAP files we read ourselves, as they may be damaged; all other rosbag2 folders go through rosbags."""
+    found = sorted(folder.glob("*.mcap"))
+    metadata = _metadata_of(folder)
+    if metadata.get("compression_mode", "").lower() not in ("", "none") or (metadata and not found):
+        return RosbagsReader(folder)
+    if not found:
+        raise InputError(f"{folder}: holds no readable metadata.yaml and no .mcap file, the recording must be {KINDS}")
+    if not metadata:
+        return McapReader(found, [f"{folder}: has no readable metadata.yaml, all its .mcap files were taken"])
+    listed = [folder / Path(name).name for name in metadata["relative_file_paths"]]
+    missing = [f"{path}: is missing, its messages are lost" for path in listed if path not in found]
+    return McapReader([path for path in listed if path in found] or found, missing)
+
+
+def _metadata_of(folder: Path) -> dict[str, Any]:
+    """What metadata.yaml says, empty where it is missing or damaged (a killed recorder leaves none)."""
+    try:
+        found = yaml.safe_load((folder / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+        valid = all(isinstance(name, str) for name in found["relative_file_paths"])
+        return dict(found) if valid and isinstance(found.get("compression_mode", ""), str) else {}
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, yaml.YAMLError):
+        return {}

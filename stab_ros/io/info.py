@@ -1,0 +1,74 @@
+"""What an input holds, as lines of text."""
+
+from __future__ import annotations
+
+import itertools
+from datetime import UTC, datetime
+from pathlib import Path
+
+from stab_ros.core.errors import MessageError
+from stab_ros.core.types import Frame
+from stab_ros.io.bag import BagReader, Topic, open_bag
+from stab_ros.io.messages import read_image
+from stab_ros.io.source import IMAGE_TYPES, Kind, kind_of, open_source
+
+
+def describe(path: Path) -> tuple[list[str], list[str]]:
+    """Lines for the reader, and warnings on what cannot be read.
+
+    Raises:
+        InputError: the input is missing or cannot be read at all.
+    """
+    if kind_of(path) is not Kind.BAG:
+        return _describe_pictures(path)
+    with open_bag(path) as reader:
+        return [f"{path}: {_span(reader)}", *_table(reader), *_images(reader)], reader.warnings
+
+
+def _describe_pictures(path: Path) -> tuple[list[str], list[str]]:
+    with open_source(path) as source:
+        first = next(source.frames())
+        count = "an unknown number of" if source.count is None else source.count
+        frames = f"{count} frames, {source.rate_hz():g} frames/s, {_picture(first.decoded)}"
+        return [f"{path}: {kind_of(path).value}, {frames}"], source.warnings
+
+
+def _span(reader: BagReader) -> str:
+    count = sum(topic.count for topic in reader.topics.values())
+    if not count:
+        return "no messages"
+    return f"{count} messages, {(reader.end_ns - reader.start_ns) / 1e9:.3f} s, {_utc(reader.start_ns)}"
+
+
+def _utc(time_ns: int) -> str:
+    try:
+        return f"from {datetime.fromtimestamp(time_ns / 1e9, UTC):%Y-%m-%d %H:%M:%S} UTC"
+    except (OverflowError, ValueError, OSError):
+        return f"from {time_ns} ns"
+
+
+def _table(reader: BagReader) -> list[str]:
+    topics = sorted(reader.topics.values(), key=lambda topic: topic.name)
+    width = max((len(topic.name) for topic in topics), default=0)
+    type_width = max((len(topic.msgtype) for topic in topics), default=0)
+    return [f"  {topic.name:{width}}  {topic.msgtype:{type_width}}  {topic.count:6}" for topic in topics]
+
+
+def _images(reader: BagReader) -> list[str]:
+    topics = [topic for topic in reader.topics.values() if topic.msgtype in IMAGE_TYPES]
+    return [f"  {topic.name}: {_first_image(reader, topic)}" for topic in sorted(topics, key=lambda topic: topic.name)]
+
+
+def _first_image(reader: BagReader, topic: Topic) -> str:
+    for message in itertools.islice(reader.messages([topic.name]), 1):
+        try:
+            return _picture(read_image(message.data, topic.msgtype))
+        except MessageError as error:
+            return _picture(error)
+    return "no images"
+
+
+def _picture(decoded: Frame | MessageError) -> str:
+    if isinstance(decoded, Frame):
+        return f"{decoded.size[0]}x{decoded.size[1]} {decoded.encoding}"
+    return f"the first image cannot be decoded ({decoded})"

@@ -1,0 +1,118 @@
+"""An MCAP recording of one or several files (splits) as one stream of messages."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+from stab_ros.core.errors import InputError
+from stab_ros.io.bag_types import Message, Topic
+from stab_ros.io.mcap_file import Block, McapFile
+from stab_ros.io.mcap_records import RecordedMessage
+
+_BEFORE_ALL = -1
+
+
+class _Due(NamedTuple):
+    """A message in the order of log time, file, place in the file; without one it announces its block."""
+
+    time_ns: int
+    file_number: int
+    offset: int
+    place: int
+    message: RecordedMessage | None
+
+
+class McapReader:
+    """A BagReader. In memory are only the blocks that overlap in log time.
+
+    Raises:
+        InputError: not one of the files is a readable MCAP file.
+    """
+
+    def __init__(self, paths: list[Path], warnings: Iterable[str] = ()) -> None:
+        self._extra_warnings = list(warnings)
+        self._files = self._opened(paths)
+        spans = [file.span_ns for file in self._files if file.span_ns is not None]
+        self.start_ns = min((start_ns for start_ns, _ in spans), default=0)
+        self.end_ns = max((end_ns for _, end_ns in spans), default=0)
+        self.topics: dict[str, Topic] = {}
+        self._names = [self._take_topics(file) for file in self._files]  # per file: topic by channel id
+
+    def close(self) -> None:
+        for file in self._files:
+            file.close()
+
+    def _opened(self, paths: list[Path]) -> list[McapFile]:
+        files = []
+        for path in paths:
+            try:
+                files.append(McapFile(path))
+            except InputError as error:
+                if len(paths) == 1:
+                    raise
+                self._extra_warnings.append(str(error))
+        if not files:
+            raise InputError(self._extra_warnings[-1])
+        return files
+
+    @property
+    def warnings(self) -> list[str]:
+        """What could not be read, one line each."""
+        return [*self._extra_warnings, *(line for file in self._files for line in file.warnings)]
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
+        """The messages of `topics` (None: of all) in the order of their log time."""
+        streams = [
+            _in_order(file, number, block, wanted)
+            for number, (file, names) in enumerate(zip(self._files, self._names, strict=True))
+            for wanted in [{cid for cid, name in names.items() if topics is None or name in topics}]
+            for block in file.blocks
+            if not block.channel_ids or block.channel_ids & wanted
+        ]
+        for due in heapq.merge(*streams):
+            if due.message is not None:
+                _, publish_time_ns, channel_id, data = due.message
+                yield Message(self._names[due.file_number][channel_id], due.time_ns, publish_time_ns, data)
+
+    def _take_topics(self, file: McapFile) -> dict[int, str]:
+        names: dict[int, str] = {}
+        for channel_id in sorted(file.channels):
+            topic = _topic_of(file, channel_id)
+            known = self.topics.get(topic.name, replace(topic, count=0))
+            if (known.msgtype, known.encoding) != (topic.msgtype, topic.encoding):
+                self._extra_warnings.append(f"{file.path}: {topic.name} holds {known.msgtype} and {topic.msgtype}, "
+                                            "the messages of the second type are left out")
+                continue
+            self.topics[topic.name] = replace(known, count=known.count + topic.count)
+            names[channel_id] = topic.name
+        nameless = sum(file.counts[channel_id] for channel_id in file.counts.keys() - file.channels.keys())
+        if nameless:
+            self._extra_warnings.append(f"{file.path}: {nameless} messages of unknown topic are left out")
+        return names
+
+
+def _topic_of(file: McapFile, channel_id: int) -> Topic:
+    channel = file.channels[channel_id]
+    schema = file.schemas.get(channel.schema_id)
+    return Topic(
+        name=channel.topic,
+        msgtype="" if schema is None else schema.name,
+        count=file.counts[channel_id],
+        definition="" if schema is None else schema.data.decode(errors="surrogateescape"),
+        qos=channel.metadata.get("offered_qos_profiles", ""),
+        encoding=channel.message_encoding,
+        schema_encoding="" if schema is None else schema.encoding,
+        type_hash=channel.metadata.get("topic_type_hash", ""),
+    )
+
+
+def _in_order(file: McapFile, number: int, block: Block, wanted: set[int]) -> Iterator[_Due]:
+    """First the announcement, so that merging reads a block only once its time has come."""
+    yield _Due(block.start_ns, number, block.offset, _BEFORE_ALL, None)
+    for place, message in enumerate(file.messages_of(block)):
+        if message.channel_id in wanted:
+            yield _Due(message.log_time_ns, number, block.offset, place, message)

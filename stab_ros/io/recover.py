@@ -1,0 +1,42 @@
+"""Makes a whole recording of a damaged one: every closed chunk whose CRC is right."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+from stab_ros.core.errors import InputError
+from stab_ros.io.bag_writer import BagWriter
+from stab_ros.io.mcap_reader import McapReader
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """What a recovery saved; warnings say what was lost, one line each."""
+
+    messages: int
+    topics: int
+    warnings: tuple[str, ...]
+
+
+def recover(broken: Path, fixed: Path, overwrite: bool = False) -> Recovered:
+    """Copies all readable messages of the MCAP file `broken`, byte for byte and by log time, into the new `fixed`.
+
+    Raises:
+        InputError: `broken` is no MCAP file or holds no readable message, `fixed` exists or cannot be written.
+        WorkError: the disk is full.
+    """
+    if fixed.exists() and fixed.samefile(broken):
+        raise InputError(f"{fixed}: is the damaged file itself, the output must be another file")
+    with closing(McapReader([broken])) as reader, BagWriter(fixed, overwrite) as writer:
+        for topic in reader.topics.values():
+            writer.add_topic(topic)
+        count = 0
+        for message in reader.messages():
+            writer.write(*message)
+            count += 1
+        if count == 0:
+            why = "; ".join(line.removeprefix(f"{broken}: ") for line in reader.warnings) or "it is whole but empty"
+            raise InputError(f"{broken}: nothing to recover, it must hold at least one readable message ({why})")
+        return Recovered(count, len(reader.topics), tuple(reader.warnings))

@@ -1,0 +1,143 @@
+"""Recordings in sqlite3 or ROS 1 format, and compressed rosbag2 folders, through rosbags."""
+
+from __future__ import annotations
+
+import struct
+import sys
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TypeAlias
+
+import apsw
+from rosbags.convert.converter import LATCH, STATIC_MSGTYPE_RENAMES, is_same_wireformat, migrate_bytes
+from rosbags.interfaces import Connection, ConnectionExtRosbag1, MessageDefinitionFormat
+from rosbags.rosbag1 import Reader as Reader1
+from rosbags.rosbag1 import ReaderError as Reader1Error
+from rosbags.rosbag2 import Reader as Reader2
+from rosbags.rosbag2 import ReaderError as Reader2Error
+from rosbags.rosbag2.metadata import dump_qos_v8
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+
+from stab_ros.core.errors import InputError
+from stab_ros.io.bag_types import Message, Topic, topic_of
+from stab_ros.io.messages import typestore
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
+
+Conversion: TypeAlias = Callable[[bytes], bytes | memoryview]
+
+# what rosbags lets through on damaged files besides its own errors
+_DAMAGE = (
+    Reader1Error, Reader2Error, SerdeError, TypesysError, apsw.Error, zstd.ZstdError, OSError, EOFError, struct.error,
+    ValueError, LookupError, TypeError, AttributeError, AssertionError, RuntimeError, MemoryError, OverflowError,
+)
+_HEADER = "std_msgs/msg/Header"
+_SCHEMA_ENCODINGS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL: "ros2idl"}
+
+
+class RosbagsReader:
+    """A BagReader for a ROS 1 .bag, a .db3 or a rosbag2 folder.
+
+    Raises:
+        InputError: it cannot be opened.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.warnings: list[str] = []
+        self.topics: dict[str, Topic] = {}
+        self._conversions: dict[int, tuple[str, Conversion]] = {}  # by connection id: topic and conversion to CDR
+        try:
+            self._reader = Reader1(path) if path.suffix.lower() == ".bag" else Reader2(path)
+            self._reader.open()
+        except _DAMAGE as error:
+            raise InputError(f"{path}: cannot be read ({_one_line(error)}), it must be a whole recording") from error
+        filled = self._reader.message_count > 0
+        self.start_ns = self._reader.start_time if filled else 0
+        self.end_ns = self._reader.end_time - 1 if filled else 0  # rosbags gives the time after the last message
+        for connection in self._reader.connections:
+            self._take(connection)
+
+    def close(self) -> None:
+        self._reader.close()
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
+        """The messages of `topics` (None: of all) in the order of their log time; what is damaged ends them."""
+        wanted = [
+            connection for connection in self._reader.connections
+            if connection.id in self._conversions and (topics is None or connection.topic in topics)
+        ]
+        if not wanted:  # rosbags would take that for all
+            return
+        time_ns = self.start_ns
+        try:
+            for connection, time_ns, data in self._reader.messages(wanted):
+                yield from self._converted(connection.id, time_ns, data)
+        except _DAMAGE as error:
+            self._warn(f"is damaged after {time_ns} ns ({_one_line(error)}), what follows is lost")
+
+    def _converted(self, connection_id: int, time_ns: int, data: bytes) -> Iterator[Message]:
+        topic, to_cdr = self._conversions[connection_id]
+        try:
+            yield Message(topic, time_ns, time_ns, bytes(to_cdr(data)))
+        except _DAMAGE as error:
+            self._warn(f"a message of {topic} at {time_ns} ns is damaged ({_one_line(error)}), it is left out")
+
+    def _take(self, connection: Connection) -> None:
+        try:
+            topic, to_cdr = _converted_topic(connection)
+        except _DAMAGE as error:
+            self._warn(f"{connection.topic} is left out, its definition cannot be read ({_one_line(error)})")
+            return
+        known = self.topics.setdefault(topic.name, replace(topic, count=0))
+        if known.msgtype != topic.msgtype:
+            self._warn(f"{topic.name} holds {known.msgtype} and {topic.msgtype}, the second type is left out")
+            return
+        self.topics[topic.name] = replace(known, count=known.count + topic.count)
+        self._conversions[connection.id] = topic.name, to_cdr
+
+    def _warn(self, what: str) -> None:
+        self.warnings.append(f"{self.path}: {what}")
+
+
+def _converted_topic(connection: Connection) -> tuple[Topic, Conversion]:
+    """The topic as ROS 2 has it, and how to get its messages into CDR."""
+    if isinstance(connection.ext, ConnectionExtRosbag1):
+        qos = dump_qos_v8(LATCH) if connection.ext.latching else ""
+        return _ros1_topic(connection, qos)
+    msgdef, qos = connection.msgdef, dump_qos_v8(connection.ext.offered_qos_profiles)
+    name, msgtype, count = connection.topic, connection.msgtype, connection.msgcount
+    if msgdef.format in _SCHEMA_ENCODINGS:
+        return Topic(name, msgtype, count, msgdef.data, qos, schema_encoding=_SCHEMA_ENCODINGS[msgdef.format],
+                     type_hash=connection.digest), bytes
+    if msgtype in typestore().fielddefs:  # recordings before Iron hold no definitions
+        return replace(topic_of(name, msgtype, qos), count=count), bytes
+    return Topic(name, msgtype, count, "", qos, schema_encoding=""), bytes
+
+
+def _ros1_topic(connection: Connection, qos: str) -> tuple[Topic, Conversion]:
+    """As the type of the same name in Jazzy, whose new fields get their defaults; else as the bag defines it."""
+    source, target = get_typestore(Stores.EMPTY), typestore()
+    types = get_types_from_msg(connection.msgdef.data, connection.msgtype)
+    source.register(types)
+    msgtype = STATIC_MSGTYPE_RENAMES.get(connection.msgtype, connection.msgtype)
+    if msgtype not in target.fielddefs:
+        target = get_typestore(Stores.EMPTY)
+        target.register({**types, _HEADER: typestore().fielddefs[_HEADER]})  # ROS 1's has a sequence number
+    definition, _ = target.generate_msgdef(msgtype, ros_version=2)
+    topic = Topic(connection.topic, msgtype, connection.msgcount, definition, qos,
+                  type_hash=target.hash_rihs01(msgtype))
+    if is_same_wireformat(source, target, connection.msgtype, msgtype):
+        return topic, partial(target.ros1_to_cdr, typename=msgtype)
+    return topic, lambda data: migrate_bytes(
+        source, target, connection.msgtype, msgtype, {}, data, src_is2=False, dst_is2=True)
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

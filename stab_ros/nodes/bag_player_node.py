@@ -1,0 +1,128 @@
+"""Publishes what a bag holds, byte for byte and at its own pace; towards RELIABLE subscribers nothing is lost."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
+from rclpy.time import Time
+from rosgraph_msgs.msg import Clock
+from tqdm import tqdm
+
+from stab_ros.core.config import Checked, setting
+from stab_ros.core.errors import InputError
+from stab_ros.io.bag import BagReader, Message, open_bag
+from stab_ros.io.messages import COMPRESSED_IMAGE, IMAGE
+from stab_ros.nodes import params
+from stab_ros.nodes.outlet import Outlet
+from stab_ros.nodes.qos import replay_qos
+from stab_ros.nodes.runtime import SECOND_NS, Spinner, StabNode, message_class
+from stab_ros.nodes.schedule import Schedule
+
+_CLOCK = "/clock"
+_TICK_NS = 20_000_000  # of /clock
+
+
+@dataclass(frozen=True)
+class PlayerSettings(Checked):
+    """What is played, and how."""
+
+    bag: str = setting("", "the recording: an .mcap, a rosbag2 folder or a ROS 1 .bag")
+    rate: float = setting(1.0, "times real time", 0.001, 1e6)
+    loop: bool = setting(False, "start again at the end")
+    start_offset: float = setting(0.0, "skip the first seconds of the recording, s", 0.0, 1e9)
+    clock: bool = setting(False, "publish /clock")
+    wait_for_subscribers: int = setting(
+        0, "begin once the image topics (without any: all topics) have so many subscribers in total", 0, 1000)
+
+
+class BagPlayerNode(StabNode):
+    """Plays once, or over and over with `loop`."""
+
+    def __init__(self, given: Mapping[str, object]) -> None:
+        super().__init__("bag_player_node", given)
+        table = params.table_of(PlayerSettings)
+        values: Any = params.declare(self, table)
+        params.warn_of_unknown(self, table)
+        self.settings = PlayerSettings(**values)
+        if not self.settings.bag:
+            raise InputError("bag: no recording is named, it must be the path of one, as in -p bag:=flight.mcap")
+        self._outlets: dict[str, Outlet] = {}
+        self._clock_outlet = Outlet(self, Clock, _CLOCK, QoSProfile(depth=1)) if self.settings.clock else None
+        self._told_ns = 0
+
+    def work(self, spinner: Spinner) -> None:
+        with open_bag(Path(self.settings.bag)) as bag:
+            self._advertise(bag)
+            self._wait_for_subscribers(bag, spinner)
+            while not spinner.stopping:
+                self._play(bag, spinner)
+                if not self.settings.loop:
+                    break
+        if not spinner.stopping:
+            for outlet in self._outlets.values():
+                outlet.flush()
+
+    def _advertise(self, bag: BagReader) -> None:
+        """A publisher for every topic whose type is installed."""
+        for topic in bag.topics.values():
+            if topic.name == _CLOCK and self.settings.clock:
+                continue
+            try:
+                msg_class = message_class(topic.msgtype)
+            except InputError as error:
+                self.get_logger().warning(f"{topic.name} is left out: {error}")
+                continue
+            self._outlets[topic.name] = Outlet(self, msg_class, topic.name, replay_qos(topic.qos), lossless=True)
+        if not self._outlets:
+            raise InputError(f"{self.settings.bag}: no topic can be played, it must hold messages of installed types")
+
+    def _wait_for_subscribers(self, bag: BagReader, spinner: Spinner) -> None:
+        images = [name for name in self._outlets if bag.topics[name].msgtype in (IMAGE, COMPRESSED_IMAGE)]
+        awaited = [self._outlets[name] for name in images or self._outlets]
+        while not spinner.stopping:
+            if sum(outlet.subscribers for outlet in awaited) >= self.settings.wait_for_subscribers:
+                return
+            spinner.once()
+
+    def _play(self, bag: BagReader, spinner: Spinner) -> None:
+        start_ns = bag.start_ns + round(self.settings.start_offset * SECOND_NS)
+        schedule = Schedule(start_ns, time.monotonic_ns(), self.settings.rate)
+        total = sum(bag.topics[name].count for name in self._outlets)
+        with tqdm(total=total, unit=" messages", disable=None) as progress:
+            for message in bag.messages(self._outlets):
+                progress.update()
+                if message.log_time_ns < start_ns:
+                    continue
+                self._wait_until_due(message, schedule, spinner)
+                if spinner.stopping:
+                    return
+                self._outlets[message.topic].send(message.data)
+        for warning in bag.warnings:
+            self.get_logger().warning(warning)
+
+    def _wait_until_due(self, message: Message, schedule: Schedule, spinner: Spinner) -> None:
+        due_ns = schedule.due_ns(message.log_time_ns)
+        wait_ns = 0
+        while not spinner.stopping:
+            now_ns = time.monotonic_ns()
+            self._tell_time(min(schedule.bag_time_ns(now_ns), message.log_time_ns), at_once=now_ns >= due_ns)
+            if now_ns >= due_ns:
+                break
+            wait_ns = min(due_ns - now_ns, _TICK_NS)
+            spinner.once(wait_ns / SECOND_NS)
+        if wait_ns == 0:
+            spinner.once(0.0)  # late already, yet parameters and signals are not to starve
+
+    def _tell_time(self, bag_ns: int, at_once: bool) -> None:
+        """Publishes /clock, in steps or with the message that is due."""
+        if self._clock_outlet is None or not (at_once or abs(bag_ns - self._told_ns) >= _TICK_NS):
+            return
+        self._told_ns = bag_ns
+        clock = Clock(clock=Time(nanoseconds=bag_ns).to_msg())
+        self._clock_outlet.send(serialize_message(clock))

@@ -1,0 +1,113 @@
+"""Records topics into an MCAP bag, whatever their type and QoS, as raw bytes."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from stab_ros.core.config import Checked, setting
+from stab_ros.core.errors import ConfigError, InputError, WorkError
+from stab_ros.io.bag import BagWriter, topic_of
+from stab_ros.nodes import params
+from stab_ros.nodes.gap_counter import GapCounter
+from stab_ros.nodes.qos import AdaptiveSubscription, keep_all_offered, offered_yaml
+from stab_ros.nodes.runtime import Spinner, StabNode, message_class
+
+_LOOK_S = 0.2  # how often new topics and publishers are looked for
+_DRAIN_LIMIT_S = 10.0
+_OK, _ERROR = 0, 2  # diagnostic_msgs/DiagnosticStatus
+
+
+@dataclass(frozen=True)
+class RecorderSettings(Checked):
+    """Where to; `topics`, a list, is a parameter of its own."""
+
+    output: str = setting("", "the .mcap file to write")
+    overwrite: bool = setting(False, "replace an existing output")
+
+
+class BagRecorderNode(StabNode):
+    """Writes every message of `topics` (none named: of all topics) until it is stopped."""
+
+    def __init__(self, given: Mapping[str, object]) -> None:
+        super().__init__("bag_recorder_node", given)
+        table = params.table_of(RecorderSettings)
+        values: Any = params.declare(self, table)
+        self.settings = RecorderSettings(**values)
+        names = params.declare_names(self, "topics", "what to record; without any, all topics")
+        params.warn_of_unknown(self, [*table, "topics"])
+        self._wanted = {self.resolve_topic_name(name) for name in names}
+        if not self.settings.output:
+            raise ConfigError("output: no file is named, it must be one to write, as in -p output:=flight.mcap")
+        self._inputs: dict[str, AdaptiveSubscription] = {}
+        self._refused: set[str] = set()
+        self._gaps: defaultdict[str, GapCounter] = defaultdict(GapCounter)
+        self._messages = self._bytes = self._lost = 0
+        self._failure: WorkError | None = None
+
+    def work(self, spinner: Spinner) -> None:
+        with BagWriter(Path(self.settings.output), self.settings.overwrite) as writer:
+            self._look(writer)
+            self.every(_LOOK_S, partial(self._look, writer))
+            self.every(1.0, partial(self._flush, writer))
+            self.get_logger().info(f"recording to {self.settings.output}")
+            while not spinner.stopping:
+                spinner.once()
+            spinner.drain(lambda: self._messages, _DRAIN_LIMIT_S)
+            if self._failure is not None:
+                raise self._failure
+
+    def _look(self, writer: BagWriter) -> None:
+        """Subscribes to wanted topics as soon as their type is known."""
+        for subscription in self._inputs.values():
+            subscription.refresh()
+        for name, types in self.get_topic_names_and_types():
+            if name not in self._inputs and name not in self._refused and (not self._wanted or name in self._wanted):
+                self._add(writer, name, types)
+
+    def _add(self, writer: BagWriter, name: str, types: list[str]) -> None:
+        offers = [info.qos_profile for info in self.get_publishers_info_by_topic(name)]
+        if not offers:
+            return  # only subscribers so far, whose type may be wrong
+        try:
+            if len(types) > 1:
+                raise InputError(f"it has several types, {', '.join(types)}")
+            writer.add_topic(topic_of(name, types[0], offered_yaml(offers)))
+            self._inputs[name] = AdaptiveSubscription(
+                self, message_class(types[0]), name, partial(self._record, writer, name), keep_all_offered,
+                "let it offer what the other publishers of the topic offer")
+        except InputError as error:
+            self._refused.add(name)
+            self.get_logger().warning(f"{name} is not recorded: {error}")
+
+    def _record(self, writer: BagWriter, topic: str, cdr: bytes, info: Mapping[str, int]) -> None:
+        """Logged when it was received, as rosbag2 does; by the simulated clock where there is one."""
+        if self._failure is not None:
+            return
+        simulated = self.get_parameter("use_sim_time").value
+        log_time_ns = self.get_clock().now().nanoseconds if simulated else info["received_timestamp"]
+        self._try(lambda: writer.write(topic, log_time_ns, info["source_timestamp"], cdr))
+        self._messages += 1
+        self._bytes += len(cdr)
+        self._lost += self._gaps[topic].missed(info["publication_sequence_number"], self._inputs[topic].publishers)
+
+    def _flush(self, writer: BagWriter) -> None:
+        """Once a second: what was received survives a crash, and the diagnostics."""
+        if self._failure is None:
+            self._try(writer.flush_chunk)
+        level, message = (_OK, "recording") if self._failure is None else (_ERROR, str(self._failure))
+        counts = {"topics": len(self._inputs), "messages": self._messages, "messages_lost": self._lost,
+                  "bytes": self._bytes}
+        self.report(level, message, {name: str(count) for name, count in counts.items()})
+
+    def _try(self, write: Callable[[], None]) -> None:
+        """A full disk ends the recording, not the node, which goes on to report it."""
+        try:
+            write()
+        except WorkError as error:
+            self._failure = error
+            self.get_logger().error(f"nothing more is recorded: {error}")

@@ -1,0 +1,55 @@
+"""camera_info as the tracker needs it: the camera that took the pictures, once a usable message has come."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from rclpy.node import Node
+from sensor_msgs.msg import CameraInfo
+
+from stab_ros.core.camera import Camera
+from stab_ros.core.errors import InputError
+from stab_ros.io.messages import read_camera
+from stab_ros.nodes.qos import AdaptiveSubscription, keep_all_offered
+
+_WARN_EVERY_S = 5.0
+
+
+class CameraFeed:
+    """The camera that images are undistorted with; None until one is known.
+
+    A later message may still correct it until `settled`: what the reference was taken with stays to the end.
+    """
+
+    def __init__(self, node: Node, changed: Callable[[], None]) -> None:
+        self.camera: Camera | None = None
+        self.settled = False
+        self._logger = node.get_logger()
+        self._changed = changed
+        self._input = AdaptiveSubscription(node, CameraInfo, "camera_info", self._on_camera, keep_all_offered,
+                                           "let it publish VOLATILE or TRANSIENT_LOCAL, RELIABLE or BEST_EFFORT")
+        self.topic = self._input.topic
+
+    def refresh(self) -> None:
+        """Follows the publishers' QoS."""
+        self._input.refresh()
+
+    def _on_camera(self, cdr: bytes, _info: Mapping[str, int]) -> None:
+        try:
+            camera = read_camera(cdr)
+        except InputError as error:
+            self._logger.warning(f"{self.topic} is refused: {error}", throttle_duration_sec=_WARN_EVERY_S)
+            return
+        if self.camera is not None and _same(camera, self.camera):
+            return
+        if self.settled:
+            self._logger.warning(f"{self.topic} has changed, the camera that took the reference is kept",
+                                 throttle_duration_sec=_WARN_EVERY_S)
+            return
+        self.camera = camera
+        self._changed()
+
+
+def _same(a: Camera, b: Camera) -> bool:
+    return (a.size, a.model) == (b.size, b.model) and np.array_equal(a.K, b.K) and np.array_equal(a.D, b.D)

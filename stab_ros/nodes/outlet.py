@@ -1,0 +1,56 @@
+"""A publisher of CDR bytes that can wait for slow subscribers instead of losing messages."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from stab_ros.nodes.qos import publisher_events
+
+_STEP = Duration(nanoseconds=100_000_000)
+_PATIENCE_S = 10.0  # a subscriber that acknowledges nothing for so long hangs or was killed
+
+
+class Outlet:
+    """One topic that we publish.
+
+    lossless: before the history of a KEEP_LAST publisher would overwrite a message that a RELIABLE subscriber has not
+    acknowledged yet, `send` waits for it.
+    """
+
+    def __init__(self, node: Node, msg_class: Any, topic: str, qos: QoSProfile, lossless: bool = False) -> None:
+        self._node = node
+        self._publisher = node.create_publisher(
+            msg_class, topic, qos, event_callbacks=publisher_events(node, node.resolve_topic_name(topic)))
+        self._depth = qos.depth
+        self._lossless = lossless
+        self._pending = 0  # at most so many messages are not acknowledged
+        self._hung_subscribers = 0  # how many there were when we gave up on them
+
+    @property
+    def subscribers(self) -> int:
+        return int(self._publisher.get_subscription_count())
+
+    def send(self, data: bytes) -> None:
+        if self._lossless and self._pending >= self._depth:
+            self.flush()
+        self._publisher.publish(data)
+        self._pending += 1
+
+    def flush(self) -> None:
+        """Waits until every RELIABLE subscriber has acknowledged everything, or hangs."""
+        self._pending = 0
+        if self.subscribers == self._hung_subscribers != 0:
+            return
+        self._hung_subscribers = 0
+        deadline_s = time.monotonic() + _PATIENCE_S
+        while not self._publisher.wait_for_all_acked(_STEP):
+            if time.monotonic() > deadline_s:
+                self._hung_subscribers = self.subscribers
+                self._node.get_logger().warning(
+                    f"{self._publisher.topic_name}: a subscriber acknowledges nothing, it will lose messages")
+                return

@@ -1,0 +1,22 @@
+"""When a recorded message is due: bag time against the machine's monotonic clock, without ROS."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Bag time `bag_start_ns` is played at `start_ns` of the monotonic clock, `rate` times as fast as recorded."""
+
+    bag_start_ns: int
+    start_ns: int
+    rate: float
+
+    def due_ns(self, bag_ns: int) -> int:
+        """When (monotonic clock) a message of this bag time is to be published."""
+        return self.start_ns + round((bag_ns - self.bag_start_ns) / self.rate)
+
+    def bag_time_ns(self, now_ns: int) -> int:
+        """The bag time that is being played at `now_ns`."""
+        return self.bag_start_ns + round((now_ns - self.start_ns) * self.rate)

@@ -1,0 +1,17 @@
+"""The executable `tracker_node`: the node itself is in `tracker_node.py`, imported once signals are taken care of."""
+
+from __future__ import annotations
+
+from stab_ros.nodes.stopping import StopRequest, node_main
+
+
+def main() -> int:
+    """Runs until SIGINT or SIGTERM; exit code 2 and one line for bad parameters."""
+    return node_main("tracker_node", _run)
+
+
+def _run(stop: StopRequest) -> int:
+    from stab_ros.nodes.runtime import run
+    from stab_ros.nodes.tracker_node import TrackerNode
+
+    return run(TrackerNode, stop)

@@ -1,0 +1,191 @@
+"""The live tracker: a thin shell around `Stabilizer`, the same engine and the same messages as the command's."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from std_srvs.srv import Trigger
+
+from stab_ros.core.config import Checked, Value, setting
+from stab_ros.core.debug import draw_debug
+from stab_ros.core.errors import InputError
+from stab_ros.core.parameters import PARAMETERS
+from stab_ros.core.stabilizer import Stabilizer
+from stab_ros.core.types import Frame, Track
+from stab_ros.io.engine import make_stabilizer, reconfigure
+from stab_ros.io.messages import (
+    COMPRESSED_IMAGE,
+    IMAGE,
+    Header,
+    homography_cdr,
+    image_cdr,
+    read_image,
+    track_cdr,
+)
+from stab_ros.nodes import params
+from stab_ros.nodes.camera_feed import CameraFeed
+from stab_ros.nodes.gap_counter import GapCounter
+from stab_ros.nodes.outlet import Outlet
+from stab_ros.nodes.qos import LATCHED, AdaptiveSubscription, keep_all_reliable, newest_only
+from stab_ros.nodes.runtime import SECOND_NS, StabNode
+from stab_ros.nodes.tracker_status import TrackerStatus
+from stab_ros.nodes.warm_up import warm_up
+
+_LOOK_S = 0.1  # how often subscribers and publishers are looked at
+_WARN_EVERY_S = 5.0
+_HELD_IMAGES = 100  # until the first camera_info
+
+
+@dataclass(frozen=True)
+class TrackerSettings(Checked):
+    """What belongs to the node and not to the engine."""
+
+    queue_depth: int = setting(1, "1: the newest frame wins; 0: every frame is kept, RELIABLE", 0, 1)
+    image_transport: str = setting("raw", "subscribe to image_raw or to image_raw/compressed",
+                                   choices=("raw", "compressed"))
+    wait_for_subscribers: int = setting(0, "take images only once so many subscribers match homography", 0, 1000)
+    stale_s: float = setting(2.0, "without an image for so long the state is STALE, s", 0.05, 3600.0)
+
+
+SETTINGS = params.table_of(TrackerSettings)
+# everything of the engine but the camera, which is fixed once the first frame has been taken
+CHANGEABLE = frozenset(PARAMETERS) - {"use_camera_info"}
+
+
+class TrackerNode(StabNode):
+    """Answers every image with its homography to the reference, and with the image in the reference's place."""
+
+    def __init__(self) -> None:
+        super().__init__("tracker_node")
+        values = params.declare(self, {**PARAMETERS, **SETTINGS}, CHANGEABLE)
+        params.warn_of_unknown(self, values)
+        chosen: Any = {item.name: values.pop(item.name) for item in fields(TrackerSettings)}
+        self.settings = TrackerSettings(**chosen)
+        self.values = values
+        self.stabilizer: Stabilizer = make_stabilizer(values)
+        self.camera = CameraFeed(self, self._use_camera) if values["use_camera_info"] else None
+        self.status = TrackerStatus(str(values["method"]), round(self.settings.stale_s * SECOND_NS))
+        self._input: AdaptiveSubscription | None = None
+        self._gaps = GapCounter()
+        self._held: deque[tuple[bytes, int]] = deque(maxlen=_HELD_IMAGES)
+        self._published_reference: Frame | None = None
+        self._make_outlets(lossless=self.settings.queue_depth == 0)
+        self.create_service(Trigger, "~/reset_reference", self._reset_reference)
+        params.LiveChanges(self, PARAMETERS, self._change)
+
+    def _make_outlets(self, lossless: bool) -> None:
+        self.homography = Outlet(self, CameraInfo, "homography", QoSProfile(depth=100), lossless)
+        self.stabilized = Outlet(self, Image, "image_stabilized", QoSProfile(depth=1), lossless)
+        self.track = Outlet(self, DiagnosticArray, "~/track", QoSProfile(depth=100), lossless)
+        self.reference_image = Outlet(self, Image, "~/reference_image", LATCHED)
+        self.debug_image = Outlet(self, Image, "~/debug_image", QoSProfile(depth=1))
+
+    def prepare(self) -> None:
+        warm_up(self.values)
+        self.every(1.0, self._report)
+        self.every(_LOOK_S, self._look)
+        self._look()
+
+    def _look(self) -> None:
+        """Starts to take images once enough subscribers listen, and follows the publishers' QoS."""
+        if self.camera is not None:
+            self.camera.refresh()
+        if self._input is not None:
+            self._input.refresh()
+        elif self.homography.subscribers >= self.settings.wait_for_subscribers:
+            self._input = self._open_input()
+            self.status.waiting_for = f"images on {self._input.topic}" + (" and camera_info" if self.camera else "")
+            self.get_logger().info(f"ready, taking images from {self._input.topic}")
+        else:
+            self.status.waiting_for = f"{self.settings.wait_for_subscribers} subscribers of homography"
+
+    def _open_input(self) -> AdaptiveSubscription:
+        compressed = self.settings.image_transport == "compressed"
+        msg_class, topic = (CompressedImage, "image_raw/compressed") if compressed else (Image, "image_raw")
+        self._image_type = COMPRESSED_IMAGE if compressed else IMAGE
+        choose = newest_only if self.settings.queue_depth else keep_all_reliable
+        return AdaptiveSubscription(self, msg_class, topic, self._on_image, choose,
+                                    "let it offer RELIABLE, or set queue_depth:=1")
+
+    def _on_image(self, cdr: bytes, info: Mapping[str, int]) -> None:
+        if self._input is not None:
+            self.status.on_dropped(self._gaps.missed(info["publication_sequence_number"], self._input.publishers))
+        if self.camera is None or self.camera.camera is not None:
+            self._answer(cdr, info["source_timestamp"])
+        else:
+            self._hold(cdr, info["source_timestamp"])
+
+    def _hold(self, cdr: bytes, source_ns: int) -> None:
+        """Keeps the image until its camera is known, unless only the newest counts."""
+        room = 0 if self.settings.queue_depth else _HELD_IMAGES
+        self.status.on_dropped(int(len(self._held) >= room))
+        if room:
+            self._held.append((cdr, source_ns))
+
+    def _answer(self, cdr: bytes, source_ns: int) -> None:
+        try:
+            frame = read_image(cdr, self._image_type)
+            track = self.stabilizer.track(frame)
+        except InputError as error:
+            self.status.on_refused(str(error))
+            self.get_logger().warning(f"refused an image: {error}", throttle_duration_sec=_WARN_EVERY_S)
+            return
+        self._publish_track(frame, track)
+        self.status.on_frame(track, time.time_ns() - source_ns, time.monotonic_ns())
+        self._publish_images(frame, track)
+
+    def _publish_track(self, frame: Frame, track: Track) -> None:
+        """What others wait for comes before the slow warp."""
+        header = Header(frame.stamp_ns, frame.frame_id)
+        camera = self.camera.camera if self.camera else None
+        reference = self.stabilizer.reference or frame
+        self.homography.send(homography_cdr(track, header, reference.size, camera))
+        self.track.send(track_cdr(track, header))
+
+    def _publish_images(self, frame: Frame, track: Track) -> None:
+        header = Header(frame.stamp_ns, frame.frame_id)
+        reference = self.stabilizer.reference
+        if reference is not None and reference is not self._published_reference:
+            self._publish_reference(reference)
+        if self.stabilized.subscribers:
+            image = self.stabilizer.warp(frame, track)
+            if image is not None:
+                self.stabilized.send(image_cdr(image, frame.encoding, header))
+        if self.debug_image.subscribers:
+            self.debug_image.send(image_cdr(draw_debug(frame, self.stabilizer), "bgr8", header))
+
+    def _publish_reference(self, reference: Frame) -> None:
+        self._published_reference = reference
+        if self.camera is not None:
+            self.camera.settled = True
+        header = Header(reference.stamp_ns, reference.frame_id)
+        self.reference_image.send(image_cdr(reference.image, reference.encoding, header))
+
+    def _use_camera(self) -> None:
+        """A camera has become known: the engine starts with it, and takes what was held back."""
+        assert self.camera is not None
+        self.stabilizer = make_stabilizer(self.values, self.camera.camera)
+        while self._held:
+            self._answer(*self._held.popleft())
+
+    def _reset_reference(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.stabilizer.reset_reference()
+        response.success, response.message = True, "the next frame becomes the reference"
+        return response
+
+    def _change(self, changed: dict[str, Value]) -> None:
+        values = {**self.values, **changed}
+        reconfigure(self.stabilizer, values)
+        self.values = values
+        self.status.method = str(values["method"])
+
+    def _report(self) -> None:
+        report = self.status.report(time.monotonic_ns())
+        self.report(report.level, report.message, report.values)

@@ -1,0 +1,93 @@
+"""What the tracker says of itself on /diagnostics: counted here, without ROS."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from stab_ros.core.types import Track
+
+OK, WARN, ERROR = 0, 1, 2  # diagnostic_msgs/DiagnosticStatus
+
+
+@dataclass(frozen=True)
+class Report:
+    """One diagnostic status."""
+
+    level: int
+    message: str
+    values: dict[str, str]
+
+
+class TrackerStatus:
+    """Counts what happens to frames. Times are of one monotonic clock, ns."""
+
+    def __init__(self, method: str, stale_ns: int) -> None:
+        self.method = method
+        self.waiting_for = "image"
+        self._stale_ns = stale_ns
+        self._received = self._tracked = self._lost = self._dropped = self._refused = 0
+        self._refusal = ""
+        self._latency_ns = 0
+        self._track: Track | None = None
+        self._last_ns: int | None = None
+
+    def on_frame(self, track: Track, latency_ns: int, now_ns: int) -> None:
+        """latency_ns: from the image's publication to that of its homography."""
+        self._received += 1
+        self._tracked += track.tracked
+        self._lost += not track.tracked
+        self._track, self._latency_ns, self._last_ns = track, latency_ns, now_ns
+
+    def on_refused(self, reason: str) -> None:
+        """An image that could not be used."""
+        self._received += 1
+        self._refused += 1
+        self._refusal = reason
+
+    def on_dropped(self, frames: int) -> None:
+        """Images that were published but never reached us."""
+        self._dropped += frames
+
+    def report(self, now_ns: int) -> Report:
+        """The status since the last report; what was refused meanwhile is named once."""
+        state = self._state(now_ns)
+        level = {"TRACKED": OK, "STALE": ERROR}.get(state, WARN)
+        message = self._message(state, now_ns)
+        refusal, self._refusal = self._refusal, ""
+        if refusal:
+            level, message = max(level, WARN), f"{message}; refused an image: {refusal}"
+        return Report(level, message, self._values(state))
+
+    def _state(self, now_ns: int) -> str:
+        if self._track is None or self._last_ns is None:
+            return "WAITING"
+        return "STALE" if now_ns - self._last_ns > self._stale_ns else self._track.state.value
+
+    def _message(self, state: str, now_ns: int) -> str:
+        if state == "WAITING":
+            return f"waiting for {self.waiting_for}"
+        if state == "STALE" and self._last_ns is not None:
+            return f"no image for {(now_ns - self._last_ns) / 1e9:.1f} s"
+        return state.lower()
+
+    def _values(self, state: str) -> dict[str, str]:
+        track = self._track
+        return {
+            "state": state,
+            "method": self.method,
+            "frames_in": str(self._received),
+            "frames_tracked": str(self._tracked),
+            "frames_lost": str(self._lost),
+            "frames_dropped": str(self._dropped),
+            "frames_refused": str(self._refused),
+            "matches": str(track.matches if track else 0),
+            "inliers": str(track.inliers if track else 0),
+            "rmse_px": _number(track.rmse_px if track else None),
+            "sigma_px": _number(track.sigma_px if track else None),
+            "latency_ms": f"{self._latency_ns / 1e6:.3f}" if track else "",
+            "reset_counter": str(track.reset_counter if track else 0),
+        }
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else repr(float(value))

@@ -1,0 +1,35 @@
+"""Compiles the engine's kernels before the first frame of the stream has to wait for them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import cv2
+import numpy as np
+
+from stab_ros.core.config import Value
+from stab_ros.core.types import Frame, Gray
+from stab_ros.io.engine import make_stabilizer
+from stab_ros.io.messages import IMAGE, Header, image_cdr, read_image
+
+_SIZE = (320, 240)
+_OF_THE_STREAM = ("roi", "exclude")  # what refers to pixels of the real reference
+
+
+def warm_up(values: Mapping[str, Value]) -> None:
+    """Steps an engine with these settings over two pictures each of gray and colour."""
+    for encoding in ("mono8", "bgr8"):  # received gray is read-only memory, a kernel of its own
+        stabilizer = make_stabilizer({name: value for name, value in values.items() if name not in _OF_THE_STREAM})
+        for stamp_ns in (1, 2):
+            stabilizer.step(_received(_texture(shift_px=stamp_ns), encoding, stamp_ns))
+
+
+def _texture(shift_px: int) -> Gray:
+    noise = np.random.default_rng(1).integers(0, 256, (_SIZE[1], _SIZE[0]), np.uint8)
+    smooth = cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 3), None, 0, 255, cv2.NORM_MINMAX)
+    return np.roll(np.asarray(smooth, np.uint8), shift_px, axis=1)
+
+
+def _received(gray: Gray, encoding: str, stamp_ns: int) -> Frame:
+    image = gray if encoding == "mono8" else cv2.cvtColor(gray, cv2.COLOR_GRAY2BGR)
+    return read_image(image_cdr(image, encoding, Header(stamp_ns)), IMAGE)

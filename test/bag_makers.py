@@ -1,0 +1,108 @@
+"""A small flight and its recordings, for the tests of the readers and the writer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from mcap.writer import Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from stab_ros.io.bag import BagWriter, Message, Topic, open_bag, topic_of
+from stab_ros.io.messages import CAMERA_INFO, IMAGE, Header, image_cdr
+
+START_NS = 1_700_000_000_000_000_000
+FOREVER = "{sec: 9223372036, nsec: 854775807}"
+QOS = ("- history: 1\n  depth: 10\n  reliability: 1\n  durability: 1\n"
+       f"  deadline: {FOREVER}\n  lifespan: {FOREVER}\n  liveliness: 1\n  liveliness_lease_duration: {FOREVER}\n"
+       "  avoid_ros_namespace_conventions: false")
+STRING = "std_msgs/msg/String"
+METADATA = ("rosbag2_bagfile_information:\n  relative_file_paths: [bag_0.mcap, bag_1.mcap, bag_2.mcap]\n"
+            "  compression_mode: ''\n")
+JAZZY: Any = get_typestore(Stores.ROS2_JAZZY)
+
+
+def text_cdr(text: str) -> bytes:
+    """A std_msgs/String."""
+    return bytes(JAZZY.serialize_cdr(JAZZY.types[STRING](text), STRING))
+
+
+def flight(count: int = 12) -> list[Message]:
+    """Pictures of noise and texts, as a camera and a node would send them."""
+    rng = np.random.default_rng(0)
+    messages = []
+    for i in range(count):
+        stamp = START_NS + i * 40_000_000
+        picture = image_cdr(rng.integers(0, 256, (60, 80), np.uint8), "mono8", Header(stamp, "cam"))
+        messages += [Message("/cam/image_raw", stamp + 3, stamp + 1, picture),
+                     Message("/notes", stamp + 5, stamp + 4, text_cdr(f"note {i} " + "x" * i))]
+    return messages
+
+
+FLIGHT = flight()
+TOPICS = (topic_of("/cam/image_raw", IMAGE, QOS), topic_of("/notes", STRING), topic_of("/silent", CAMERA_INFO))
+
+
+def written(path: Path, messages: list[Message] = FLIGHT, flush_every: int = 4) -> Path:
+    """By our writer."""
+    with BagWriter(path) as writer:
+        for topic in TOPICS:
+            writer.add_topic(topic)
+        for number, message in enumerate(messages, start=1):
+            writer.write(*message)
+            if number % flush_every == 0:
+                writer.flush_chunk()
+    return path
+
+
+def by_mcap(path: Path, messages: list[Message] = FLIGHT, **options: Any) -> Path:
+    """By the library of the format."""
+    with path.open("wb") as file:
+        writer = Writer(file, **{"chunk_size": 20_000, **options})
+        writer.start(profile="ros2")
+        ids = {topic.name: writer.register_channel(
+            topic.name, "cdr", writer.register_schema(topic.msgtype, "ros2msg", topic.definition.encode()),
+            {"offered_qos_profiles": topic.qos}) for topic in TOPICS}
+        for message in messages:
+            writer.add_message(ids[message.topic], message.log_time_ns, message.data, message.publish_time_ns)
+        writer.finish()
+    return path
+
+
+class Read(NamedTuple):
+    """All that a reader gives."""
+
+    messages: list[Message]
+    warnings: list[str]
+    topics: dict[str, Topic]
+
+
+def read(path: Path, *topics: str) -> Read:
+    """By our reader."""
+    with open_bag(path) as reader:
+        messages = list(reader.messages(topics or None))
+        return Read(messages, list(reader.warnings), dict(reader.topics))
+
+
+def without_publish_time(messages: list[Message]) -> list[Message]:
+    """sqlite3 and ROS 1 have one time only."""
+    return [message._replace(publish_time_ns=message.log_time_ns) for message in messages]
+
+
+NOETIC: Any = get_typestore(Stores.ROS1_NOETIC)
+CUSTOM = "river_msgs/msg/Gauge"
+NOETIC.register(get_types_from_msg("std_msgs/Header header\nfloat64 level_m\nstring[] notes\n", CUSTOM))
+
+
+def ros1_messages() -> list[tuple[str, str, object]]:
+    """Topic, type and message: a common type, one with fields in capitals, one only this bag knows, a renamed one."""
+    header = NOETIC.types["std_msgs/msg/Header"](
+        seq=7, stamp=NOETIC.types["builtin_interfaces/msg/Time"](12, 34), frame_id="cam")
+    roi = NOETIC.types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
+    return [
+        ("/cam/image_raw", IMAGE, NOETIC.types[IMAGE](header, 2, 3, "mono8", 0, 3, np.arange(6, dtype=np.uint8))),
+        ("/cam/camera_info", CAMERA_INFO, NOETIC.types[CAMERA_INFO](
+            header, 2, 3, "plumb_bob", np.arange(5.0), np.arange(9.0), np.arange(9.0), np.arange(12.0), 0, 0, roi)),
+        ("/gauge", CUSTOM, NOETIC.types[CUSTOM](header, 1.25, ["low", "murky"])),
+    ]

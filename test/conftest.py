@@ -1,0 +1,51 @@
+"""What several tests share: a small flight with its truth, its recordings in every format, and the command line."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from recordings import RECORDERS
+
+from stab_ros.core.synthetic import Flight, Shot, preset
+
+SIZE = (480, 270)
+FRAMES = 10
+SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+
+Command = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+@pytest.fixture(scope="session")
+def flight() -> list[Shot]:
+    """Ten grey frames of 480x270 over an alpine river, with the true `ref_H_cur` of each."""
+    return list(Flight(preset("alpine"), size=SIZE, frames=FRAMES, seed=3))
+
+
+@pytest.fixture(scope="session")
+def recordings(flight: list[Shot], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The flight as mcap, rosbag2_mcap, rosbag2_sqlite3, rosbag1, folder and video; not to be written to."""
+    folder = tmp_path_factory.mktemp("recordings")
+    return {kind: record(folder, flight) for kind, record in RECORDERS.items()}
+
+
+@pytest.fixture(scope="session")
+def command() -> Command:
+    """Runs `python -m stab_ros` with these arguments in a process of its own, in the folder `cwd`."""
+
+    def run(*arguments: object, cwd: Path | None = None, timeout_s: float = 120) -> subprocess.CompletedProcess[str]:
+        words = [sys.executable, "-m", "stab_ros", *map(str, arguments)]
+        return subprocess.run(words, cwd=cwd, capture_output=True, text=True, timeout=timeout_s, check=False)
+
+    return run
+
+
+@pytest.fixture
+def shared_data() -> Path:
+    """The folder of real data beside the repository; the test is skipped where there is none."""
+    if not SHARED_DATA.is_dir():
+        pytest.skip("no real data beside the repository")
+    return SHARED_DATA

@@ -1,0 +1,217 @@
+"""Recordings as they really get damaged: all that is readable is read, and the loss is said; or one line."""
+
+from __future__ import annotations
+
+import os
+import random
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zstandard
+from bag_makers import FLIGHT, JAZZY, METADATA, NOETIC, START_NS, STRING, Read, by_mcap, read, ros1_messages
+from mcap.data_stream import RecordBuilder
+from mcap.reader import make_reader
+from mcap.records import Channel, Chunk, Schema
+from mcap.records import Message as McapMessage
+from mcap.writer import CompressionType
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import Writer as Writer2
+
+from stab_ros.core.errors import InputError
+from stab_ros.io.bag import Message
+from stab_ros.io.mcap_records import MAGIC
+
+
+# damage ---------------------------------------------------------------------------------------------------------------
+def refusal(path: Path) -> str:
+    with pytest.raises(InputError) as caught:
+        read(path)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["a.mcap", "a.bag", "a.db3", "a.txt", "folder"])
+def test_missing_recordings(tmp_path: Path, name: str) -> None:
+    assert refusal(tmp_path / name).startswith(f"{tmp_path / name}: no such file")
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89MCA", b"This is only a text.\n" * 50, bytes(5000), b"\x89MCAP1\r\n"])
+@pytest.mark.parametrize("name", ["a.mcap", "a.bag", "a.db3", "a.txt"])
+def test_files_that_are_no_recordings(tmp_path: Path, name: str, content: bytes) -> None:
+    (tmp_path / name).write_bytes(content)
+    message = refusal(tmp_path / name)
+    assert message.startswith(f"{tmp_path / name}: ")
+    assert "must be" in message or "must begin" in message
+    assert len(message.splitlines()) == 1
+
+
+def test_things_that_are_no_files(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.mcap")
+    (tmp_path / "folder.mcap").mkdir()
+    for path in tmp_path.iterdir():
+        assert len(refusal(path).splitlines()) == 1
+
+
+@pytest.mark.parametrize("metadata", ["", "text", "rosbag2_bagfile_information: {}", METADATA,
+                                      METADATA.replace("''", "file"), METADATA.replace("''", "[1]")])
+def test_folders_that_are_no_recordings(tmp_path: Path, metadata: str) -> None:
+    (tmp_path / "metadata.yaml").write_text(metadata)
+    assert len(refusal(tmp_path).splitlines()) == 1
+
+
+def outcome(path: Path) -> Read | str:
+    """What is read, or the one line that says why not; any other error fails the test."""
+    try:
+        return read(path)
+    except InputError as error:
+        return str(error)
+
+
+def assert_honest(found: Read | str, expected: list[Message]) -> None:
+    """Nothing that was not recorded, in order, and a warning for what is lost."""
+    if isinstance(found, str):
+        assert len(found.splitlines()) == 1
+        return
+    remaining: Iterator[Message] = iter(expected)
+    assert all(message in remaining for message in found.messages)
+    assert found.warnings or len(found.messages) == len(expected)
+    assert all(len(line.splitlines()) == 1 for line in found.warnings)
+
+
+COMPRESSIONS = [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD]
+
+
+@pytest.mark.parametrize("compression", COMPRESSIONS)
+def test_cut_off_anywhere(tmp_path: Path, compression: CompressionType) -> None:
+    path = by_mcap(tmp_path / "whole.mcap", compression=compression)
+    content = path.read_bytes()
+    ends = [0]
+    for length in [*range(60), *range(60, len(content), 997), *range(len(content) - 60, len(content))]:
+        path.write_bytes(content[:length])
+        found = outcome(path)
+        assert_honest(found, FLIGHT)
+        if not isinstance(found, str):
+            assert found.messages == FLIGHT[: len(found.messages)]
+            ends.append(len(found.messages))
+    assert ends == sorted(ends)  # the more is left of the file, the more is read
+    assert ends[-1] == len(FLIGHT)
+
+
+def largest_chunk(path: Path) -> int:
+    """Messages in it."""
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    assert len(summary.chunk_indexes) >= 3
+    return max(sum(chunk.message_start_time <= message.log_time_ns <= chunk.message_end_time for message in FLIGHT)
+               for chunk in summary.chunk_indexes)
+
+
+@pytest.mark.parametrize("compression", COMPRESSIONS)
+def test_one_flipped_bit_costs_one_chunk_at_most(tmp_path: Path, compression: CompressionType) -> None:
+    path = by_mcap(tmp_path / "whole.mcap", compression=compression)
+    content = path.read_bytes()
+    rng = random.Random(5)
+    largest = largest_chunk(path)
+    index = range(len(content) - 3000, len(content))
+    for position in [*range(40), *rng.sample(range(len(content)), 150), *rng.sample(index, 100)]:
+        damaged = bytearray(content)
+        damaged[position] ^= 1 << rng.randrange(8)
+        path.write_bytes(damaged)
+        found = outcome(path)
+        assert_honest(found, FLIGHT)
+        if position >= len(MAGIC):
+            assert isinstance(found, Read)
+            assert len(found.messages) >= len(FLIGHT) - largest
+
+
+@pytest.mark.parametrize("options", [{"use_chunking": False}, {"enable_crcs": False}], ids=str)
+def test_damage_without_crcs_raises_nothing_else(tmp_path: Path, options: dict[str, Any]) -> None:
+    path = by_mcap(tmp_path / "whole.mcap", **options)
+    content = path.read_bytes()
+    rng = random.Random(6)
+    for _ in range(150):
+        damaged = bytearray(content[: rng.choice([len(content), rng.randrange(len(content))])])
+        for _ in range(3):
+            if damaged:
+                damaged[rng.randrange(len(damaged))] = rng.randrange(256)
+        path.write_bytes(damaged)
+        found = outcome(path)
+        assert isinstance(found, str) or all(len(line.splitlines()) == 1 for line in found.warnings)
+
+
+@pytest.mark.parametrize("suffix", [".db3", ".bag"])
+def test_damaged_sqlite3_and_ros1(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    if suffix == ".bag":
+        with Writer1(path) as writer1:
+            for topic, msgtype, message in ros1_messages():
+                connection1 = writer1.add_connection(topic, msgtype, typestore=NOETIC)
+                for number in range(10):
+                    writer1.write(connection1, START_NS + number, NOETIC.serialize_ros1(message, msgtype))
+    else:
+        with Writer2(tmp_path / "bag", version=9) as writer2:
+            connection2 = writer2.add_connection("/notes", STRING, typestore=JAZZY)
+            for message2 in FLIGHT[1::2]:
+                writer2.write(connection2, message2.log_time_ns, message2.data)
+        (tmp_path / "bag" / "bag.db3").rename(path)
+    content = path.read_bytes()
+    rng = random.Random(7)
+    for number in range(150):
+        damaged = bytearray(content)
+        for _ in range(number % 3 + 1):
+            damaged[rng.randrange(len(damaged))] = rng.randrange(256)
+        path.write_bytes(damaged if number % 2 else damaged[: rng.randrange(len(damaged))])
+        found = outcome(path)
+        assert len(found.splitlines()) == 1 if isinstance(found, str) else all(
+            len(line.splitlines()) == 1 for line in found.warnings)
+
+
+def bomb(path: Path, chunk: Chunk) -> Path:
+    builder = RecordBuilder()
+    chunk.write(builder)
+    path.write_bytes(MAGIC + builder.end())
+    return path
+
+
+def chunk_of(data: bytes, compression: str, size: int) -> Chunk:
+    return Chunk(compression=compression, data=data, message_end_time=0, message_start_time=0, uncompressed_crc=0,
+                 uncompressed_size=size)
+
+
+@pytest.mark.parametrize("chunk", [
+    chunk_of(zstandard.compress(bytes(2**26)), "zstd", 1000),
+    chunk_of(zstandard.compress(bytes(1000)), "zstd", 2**62),
+    chunk_of(b"", "zstd", 2**29),
+    chunk_of(b"", "", 2**40),
+    chunk_of(b"12345", "", 4),
+    chunk_of(b"12345", "rar", 5),
+    chunk_of(b"\x05" + b"\xff" * 8, "", 9),
+], ids=lambda chunk: f"{chunk.compression}-{chunk.uncompressed_size}")
+def test_chunks_that_lie_about_their_size(tmp_path: Path, chunk: Chunk) -> None:
+    found = read(bomb(tmp_path / "a.mcap", chunk))
+    assert not found.messages
+    assert "its messages are lost" in found.warnings[-1]
+
+
+def test_messages_without_a_channel_are_left_out(tmp_path: Path) -> None:
+    builder = RecordBuilder()
+    Schema(id=1, data=b"string data", encoding="ros2msg", name=STRING).write(builder)
+    Channel(id=1, topic="/notes", message_encoding="cdr", metadata={}, schema_id=1).write(builder)
+    for channel_id in (1, 2):
+        McapMessage(channel_id=channel_id, log_time=1, data=b"", publish_time=1, sequence=0).write(builder)
+    data = builder.end()
+    found = read(bomb(tmp_path / "a.mcap", chunk_of(data, "", len(data))))
+    assert [message.topic for message in found.messages] == ["/notes"]
+    assert f"{tmp_path / 'a.mcap'}: 1 messages of unknown topic are left out" in found.warnings
+
+
+def test_zeros_that_a_crashed_file_system_leaves(tmp_path: Path) -> None:
+    path = by_mcap(tmp_path / "a.mcap")
+    with path.open("r+b") as file:
+        file.truncate(30_000)
+        file.truncate(2**33)  # a hole
+    found = read(path)
+    assert 0 < len(found.messages) < len(FLIGHT)
+    assert found.messages == FLIGHT[: len(found.messages)]

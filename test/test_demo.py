@@ -1,0 +1,49 @@
+"""The demo as the user runs it: real processes over DDS, on the recorded flight."""
+
+from __future__ import annotations
+
+import csv
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import cv2
+
+WORDS = [sys.executable, "-m", "stab_ros.demo"]
+
+
+def test_demo_shows_the_result_and_its_error(tmp_path: Path) -> None:
+    folder = tmp_path / "demo_output"
+    done = subprocess.run([*WORDS, str(folder)], capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    made = ("stabilized.mcap", "H.csv", "before_after.mp4", "before_after.png", "report.txt")
+    assert all(str(folder / name) in done.stdout and (folder / name).stat().st_size for name in made)
+    assert "72 of 72 frames answered, 72 tracked, 72 pictures" in done.stdout
+    median, p95, largest = (float(word) for word in done.stdout.split("stabilised ")[1].split()[:3])
+    assert median <= p95 <= largest < 0.05
+    with (folder / "H.csv").open(encoding="utf-8", newline="") as file:
+        assert [row["status"] for row in csv.DictReader(file)] == ["TRACKED"] * 72
+    assert cv2.VideoCapture(str(folder / "before_after.mp4")).get(cv2.CAP_PROP_FRAME_COUNT) == 72
+
+
+def test_interrupted_demo_leaves_no_process(tmp_path: Path) -> None:
+    folder = tmp_path / "demo_output"
+    with subprocess.Popen([*WORDS, str(folder)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as demo:
+        while not (folder / "log" / "tracker_node.txt").exists():
+            assert demo.poll() is None
+            time.sleep(0.05)
+        demo.send_signal(signal.SIGTERM)
+        _, said = demo.communicate(timeout=60)
+    assert (demo.returncode, said) == (130, "demo: interrupted\n")
+    commands = [path.read_bytes() for path in Path("/proc").glob("[0-9]*/cmdline") if path.exists()]
+    assert not [command for command in commands if str(folder).encode() in command]
+
+
+def test_a_folder_that_cannot_be_made_is_one_line(tmp_path: Path) -> None:
+    taken = tmp_path / "taken"
+    taken.write_text("a file")
+    done = subprocess.run([*WORDS, str(taken)], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1
+    assert done.stderr == f"demo: {taken}: File exists\n"

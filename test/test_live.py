@@ -1,0 +1,348 @@
+"""The nodes as users run them: separate processes over DDS."""
+
+from __future__ import annotations
+
+import math
+import signal
+from array import array
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from conftest import Command
+from diagnostic_msgs.msg import DiagnosticArray
+from live_graph import Graph, graph_in, image_message, stamp_ns, values_of
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from recordings import IMAGE_TOPIC
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from std_srvs.srv import Trigger
+
+from stab_ros.core.synthetic import Shot
+from stab_ros.io.bag import open_bag
+from stab_ros.io.messages import read_homography, read_stamp
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+NODES = ["tracker_node", "bag_player_node", "bag_recorder_node"]
+
+
+@pytest.fixture(autouse=True)
+def _stay_on_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setenv("ROS_PYTHON_CHECK_FIELDS", "1")
+
+
+@pytest.fixture
+def graph(tmp_path: Path, _stay_on_this_machine: None) -> Iterator[Graph]:
+    with graph_in(tmp_path) as graph:
+        yield graph
+
+
+def messages(path: Path, topic: str) -> list[bytes]:
+    with open_bag(path) as bag:
+        return [message.data for message in bag.messages([topic])]
+
+
+def tracks(path: Path, topic: str) -> list[tuple[int, dict[str, str]]]:
+    read = [deserialize_message(data, DiagnosticArray) for data in messages(path, topic)]
+    return [(stamp_ns(one), values_of(one)) for one in read]
+
+
+def test_live_gives_what_the_command_gives(
+    graph: Graph, recordings: dict[str, Path], command: Command, tmp_path: Path
+) -> None:
+    recorded, offline = tmp_path / "live.mcap", tmp_path / "offline.mcap"
+    outputs = ["/cam/homography", "/cam/image_stabilized", "/cam/tracker_node/track"]
+    answers = graph.listen(CameraInfo, "/cam/homography")
+    recorder = graph.start("bag_recorder_node", output=str(recorded), topics=outputs)
+    tracker = graph.start("tracker_node", "/cam", queue_depth=0, wait_for_subscribers=2)
+    player = graph.start("bag_player_node", bag=str(recordings["mcap"]), wait_for_subscribers=1, rate=100.0)
+    assert player.wait() == 0
+    sent = [read_stamp(data) for data in messages(recordings["mcap"], IMAGE_TOPIC)]
+    graph.until(lambda: len(answers) == len(sent), "every frame answered")
+    assert (tracker.stop(), recorder.stop(signal.SIGTERM)) == (0, 0)
+
+    assert command("stabilize", recordings["mcap"], offline).returncode == 0
+    live = dict(map(read_homography, messages(recorded, "/cam/homography")))
+    same = dict(map(read_homography, messages(offline, "/cam/homography")))
+    assert list(live) == list(same) == sent
+    for stamp, H in same.items():
+        np.testing.assert_allclose(live[stamp], H, rtol=0, atol=1e-9)
+    images = messages(recorded, "/cam/image_stabilized")
+    assert [read_stamp(data) for data in images] == sent
+    assert images == messages(offline, "/cam/image_stabilized")
+    assert tracks(recorded, "/cam/tracker_node/track") == tracks(offline, "/cam/track")
+
+
+@pytest.mark.parametrize("name", NODES)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_end_a_node_cleanly(
+    graph: Graph, recordings: dict[str, Path], tmp_path: Path, name: str, number: int
+) -> None:
+    diagnostics = graph.listen(DiagnosticArray, "/diagnostics")
+    clock = graph.listen(Clock, "/clock")
+    own = {"bag_player_node": {"bag": str(recordings["mcap"]), "rate": 0.01, "clock": True},
+           "bag_recorder_node": {"output": str(tmp_path / "out.mcap")}}
+    node = graph.start(name, **own.get(name, {}))
+    graph.until(lambda: diagnostics or clock, f"{name} at work")
+    node.process.send_signal(number)
+    node.process.send_signal(signal.SIGTERM)
+    assert node.stop(number) == 0
+    assert "Traceback" not in node.log
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("module", ["numpy", "rclpy", "numba"])
+def test_signal_during_start(graph: Graph, number: int, module: str) -> None:
+    tracker = graph.start("tracker_node")
+    libraries = Path(f"/proc/{tracker.process.pid}/maps")
+    graph.until(lambda: f"/{module}/" in libraries.read_text(), f"{module} being loaded")
+    assert tracker.stop(number) == 0
+    assert "Traceback" not in tracker.log
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "said"),
+    [
+        ("tracker_node", ["-p", "method:=magic"], "method: 'magic' is unknown, it must be one of"),
+        ("tracker_node", ["-p", "queue_depth:=7"], "queue_depth: 7 is out of range"),
+        ("tracker_node", ["-p", "stale_s:=soon"], "stale_s: 'soon' is a str, it must be a float"),
+        ("tracker_node", ["-p", "roi:=[[[0, 0], [1, 0], [1, 1]]]"], "roi: "),
+        ("tracker_node", ["-p", "exclude:=missing.png"], "exclude: 'missing.png' is neither"),
+        ("tracker_node", ["--params-file", "missing.yaml"], "missing.yaml"),
+        ("bag_player_node", [], "bag: no recording is named"),
+        ("bag_player_node", ["-p", "bag:=missing.mcap"], "missing.mcap: no such file"),
+        ("bag_player_node", ["-p", "bag:=missing.mcap", "-p", "rate:=0.0"], "rate: 0.0 is out of range"),
+        ("bag_recorder_node", [], "output: no file is named"),
+        ("bag_recorder_node", ["-p", "output:=/dev/null/out.mcap"], "/dev/null/out.mcap"),
+        ("bag_recorder_node", ["-p", "output:=out.mcap", "-p", "topics:=3"], "topics: 3 must be a list of names"),
+    ],
+)
+def test_bad_parameters_are_one_line_and_exit_code_2(graph: Graph, name: str, arguments: list[str], said: str) -> None:
+    node = graph.run(name, ["--ros-args", *arguments])
+    assert node.wait() == 2
+    (line,) = node.log.splitlines()
+    assert line.startswith(f"{name}: ")
+    assert said in line
+
+
+def test_unknown_parameter_is_named(graph: Graph) -> None:
+    tracker = graph.start("tracker_node", metod="klt")
+    graph.until(lambda: "ready" in tracker.log, "the tracker ready")
+    assert "parameter metod is unknown and has no effect; near it are method" in tracker.log
+
+
+def test_parameters_change_at_run_time(graph: Graph, flight: list[Shot]) -> None:
+    graph.start("tracker_node", queue_depth=0)
+    diagnostics = graph.listen(DiagnosticArray, "/diagnostics", 1)
+    answers = graph.listen(CameraInfo, "/homography")
+    camera = graph.speak(Image, "/image_raw")
+    camera.publish(image_message(flight[0].image, 1))
+    graph.until(lambda: len(answers) == 1, "the reference")
+    assert graph.set_parameter("/tracker_node", "method", "klt") == (True, "")
+    assert graph.set_parameter("/tracker_node", "threshold", 2) == (True, "")
+    refusals = {
+        "method": "magic", "on_lost": "", "threshold": -1.0, "min_inliers": 1.5, "queue_depth": 0,
+        "roi": "[[[9000, 9000], [9100, 9000], [9100, 9100]]]", "exclude": "[[[0, 0], [1, 1]]]",
+    }
+    for name, value in refusals.items():
+        taken, reason = graph.set_parameter("/tracker_node", name, value)
+        assert not taken
+        assert name in reason or "Wrong parameter type" in reason
+    camera.publish(image_message(flight[1].image, 2))
+    graph.until(lambda: len(answers) == 2, "an answer of the new method")
+    assert any(answers[1].k)
+    graph.until(lambda: diagnostics and values_of(diagnostics[-1])["frames_in"] == "2", "the report")
+    assert values_of(diagnostics[-1])["method"] == "klt"
+
+
+def test_reset_makes_the_next_frame_the_latched_reference(graph: Graph, flight: list[Shot]) -> None:
+    graph.start("tracker_node", "/cam", queue_depth=0)
+    answers = graph.listen(CameraInfo, "/cam/homography")
+    tracks = graph.listen(DiagnosticArray, "/cam/tracker_node/track")
+    camera = graph.speak(Image, "/cam/image_raw")
+    for number in (0, 1):
+        camera.publish(image_message(flight[number].image, number))
+    graph.until(lambda: len(answers) == 2, "two answers")
+    assert graph.call(Trigger, "/cam/tracker_node/reset_reference", Trigger.Request()).success
+    camera.publish(image_message(flight[5].image, 5))
+    graph.until(lambda: len(answers) == 3, "the answer after the reset")
+    assert np.allclose(answers[0].r, np.eye(3).ravel())
+    assert not np.allclose(answers[1].r, np.eye(3).ravel())
+    assert np.allclose(answers[2].r, np.eye(3).ravel())
+
+    late = graph.listen(Image, "/cam/tracker_node/reference_image", LATCHED)
+    graph.until(lambda: late, "the latched reference")
+    assert stamp_ns(late[0]) == 5
+    assert bytes(late[0].data) == flight[5].image.tobytes()
+    graph.until(lambda: len(tracks) == 3, "three tracks")
+    assert [values_of(one)["reset_counter"] for one in tracks] == ["0", "0", "1"]
+    assert [values_of(one)["reference_stamp_ns"] for one in tracks] == ["0", "0", "5"]
+
+
+def test_two_cameras(graph: Graph, flight: list[Shot]) -> None:
+    for name in ("/left", "/right"):
+        graph.start("tracker_node", name, queue_depth=0)
+    answers = {name: graph.listen(CameraInfo, f"{name}/homography") for name in ("/left", "/right")}
+    cameras = {name: graph.speak(Image, f"{name}/image_raw") for name in ("/left", "/right")}
+    for number in (0, 1):
+        cameras["/left"].publish(image_message(flight[number].image, number))
+        cameras["/right"].publish(image_message(np.fliplr(flight[number].image), 100 + number))
+    graph.until(lambda: all(len(heard) == 2 for heard in answers.values()), "two answers for each camera")
+    assert [stamp_ns(one) for one in answers["/left"]] == [0, 1]
+    assert [stamp_ns(one) for one in answers["/right"]] == [100, 101]
+    left, right = (np.array(answers[name][1].r).reshape(3, 3) for name in ("/left", "/right"))
+    assert left[0, 2] * right[0, 2] < 0  # the mirrored camera drifts the other way
+
+
+def test_newest_frame_wins_and_drops_are_counted(graph: Graph, flight: list[Shot]) -> None:
+    graph.start("tracker_node", queue_depth=1)
+    diagnostics = graph.listen(DiagnosticArray, "/diagnostics", 1)
+    answers = graph.listen(CameraInfo, "/homography")
+    camera = graph.speak(Image, "/image_raw")
+    sent = 200
+    for number in range(sent):
+        camera.publish(image_message(flight[0].image, number))
+    graph.until(lambda: answers and stamp_ns(answers[-1]) == sent - 1, "the newest frame answered")
+    graph.until(lambda: diagnostics and values_of(diagnostics[-1])["frames_in"] == str(len(answers)), "the report")
+    told = values_of(diagnostics[-1])
+    first = stamp_ns(answers[0])  # what was sent before the first frame arrived is no drop of ours
+    assert int(told["frames_in"]) + int(told["frames_dropped"]) == sent - first
+    assert int(told["frames_dropped"]) > 0
+    assert told["state"] == "TRACKED"
+    assert float(told["latency_ms"]) > 0
+
+
+def test_state_goes_from_waiting_to_stale(graph: Graph, flight: list[Shot]) -> None:
+    graph.start("tracker_node", stale_s=0.05)
+    diagnostics = graph.listen(DiagnosticArray, "/diagnostics", 1)
+    graph.until(lambda: diagnostics, "a report")
+    assert values_of(diagnostics[0])["state"] == "WAITING"
+    assert diagnostics[0].status[0].message == "waiting for images on /image_raw"
+    graph.speak(Image, "/image_raw").publish(image_message(flight[0].image, 1))
+    graph.until(lambda: values_of(diagnostics[-1])["state"] == "STALE", "the state STALE")
+    assert diagnostics[-1].status[0].message.startswith("no image for ")
+
+
+HOSTILE: dict[str, dict[str, object]] = {
+    "claims more pixels than it has": {"height": 100_000, "width": 100_000, "step": 100_000},
+    "rows shorter than the picture is wide": {"step": 1},
+    "unknown encoding": {"encoding": "holographic"},
+    "no pixels": {"height": 0, "width": 0, "step": 0, "data": array("B")},
+    "data cut off": {"data": array("B", bytes(1000))},
+}
+
+
+def test_hostile_images_are_refused_and_counted(graph: Graph, flight: list[Shot]) -> None:
+    tracker = graph.start("tracker_node", queue_depth=0)
+    diagnostics = graph.listen(DiagnosticArray, "/diagnostics")
+    answers = graph.listen(CameraInfo, "/homography")
+    camera = graph.speak(Image, "/image_raw")
+    for number, wrong in enumerate(HOSTILE.values()):
+        camera.publish(image_message(flight[0].image, number, **wrong))
+    camera.publish(image_message(flight[0].image, 77))
+    graph.until(lambda: answers, "an answer to the good image")
+    assert [stamp_ns(one) for one in answers] == [77]
+    graph.until(lambda: diagnostics and values_of(diagnostics[-1])["frames_in"] == str(len(HOSTILE) + 1), "the report")
+    told = values_of(diagnostics[-1])
+    assert (told["frames_refused"], told["frames_tracked"]) == (str(len(HOSTILE)), "1")
+    assert "refused an image: " in tracker.log
+    assert any("refused an image: " in one.status[0].message for one in diagnostics)
+
+
+def test_images_wait_for_their_camera(graph: Graph, flight: list[Shot]) -> None:
+    tracker = graph.start("tracker_node", use_camera_info=True, queue_depth=0)
+    diagnostics = graph.listen(DiagnosticArray, "/diagnostics", 1)
+    answers = graph.listen(CameraInfo, "/homography")
+    images = graph.speak(Image, "/image_raw")
+    infos = graph.speak(CameraInfo, "/camera_info")
+    images.publish(image_message(flight[0].image, 1))
+    graph.until(lambda: diagnostics and "camera_info" in diagnostics[-1].status[0].message, "the wait for camera_info")
+
+    width, height = flight[0].image.shape[::-1]
+    good = CameraInfo(width=width, height=height, distortion_model="plumb_bob", d=[-0.1, 0.01, 0.0, 0.0, 0.0],
+                      k=[400.0, 0.0, width / 2, 0.0, 400.0, height / 2, 0.0, 0.0, 1.0])
+    uncalibrated = CameraInfo(width=width, height=height, distortion_model="plumb_bob")
+    not_a_number = CameraInfo(width=width, height=height, distortion_model="plumb_bob", k=[math.nan] * 9)
+    other_size = CameraInfo(width=99, height=99, distortion_model="plumb_bob", d=good.d, k=good.k)
+    for info in (uncalibrated, not_a_number):
+        infos.publish(info)
+    graph.until(lambda: "/camera_info is refused: camera_info: K" in tracker.log, "the reason")
+    assert not answers
+    infos.publish(good)
+    graph.until(lambda: len(answers) == 1, "the image that had waited")
+    assert (list(answers[0].k), list(answers[0].d)) == (list(good.k), list(good.d))
+    infos.publish(other_size)
+    graph.until(lambda: "camera_info has changed" in tracker.log, "the warning")
+    images.publish(image_message(flight[1].image, 2))
+    graph.until(lambda: len(answers) == 2, "the next answer")
+    assert list(answers[1].k) == list(good.k)
+
+
+def test_camera_of_another_size_is_refused_until_a_right_one_comes(graph: Graph, flight: list[Shot]) -> None:
+    tracker = graph.start("tracker_node", use_camera_info=True, queue_depth=0)
+    answers = graph.listen(CameraInfo, "/homography")
+    images = graph.speak(Image, "/image_raw")
+    infos = graph.speak(CameraInfo, "/camera_info", LATCHED)
+    height, width = flight[0].image.shape
+    K = [400.0, 0.0, width / 2, 0.0, 400.0, height / 2, 0.0, 0.0, 1.0]
+    infos.publish(CameraInfo(width=99, height=99, distortion_model="plumb_bob", k=K))
+    images.publish(image_message(flight[0].image, 1))
+    graph.until(lambda: "camera_info is for 99x99 px, the images have" in tracker.log, "the reason")
+    infos.publish(CameraInfo(width=width, height=height, distortion_model="plumb_bob", k=K))
+
+    def answered() -> bool:  # the two topics may overtake each other
+        images.publish(image_message(flight[0].image, 2))
+        return bool(answers)
+
+    graph.until(answered, "an answer with the right camera")
+    assert stamp_ns(answers[0]) == 2
+
+
+def test_compressed_images(graph: Graph, flight: list[Shot]) -> None:
+    graph.start("tracker_node", "/cam", image_transport="compressed", queue_depth=0)
+    answers = graph.listen(CameraInfo, "/cam/homography")
+    images = graph.listen(Image, "/cam/image_stabilized")
+    camera = graph.speak(CompressedImage, "/cam/image_raw/compressed")
+    graph.until(lambda: graph.node.count_publishers("/cam/image_stabilized"), "discovery")
+    message = CompressedImage(format="png", data=cv2.imencode(".png", flight[0].image)[1].tobytes())
+    camera.publish(message)
+    graph.until(lambda: answers and images, "the answer")
+    assert images[0].encoding == "bgr8"
+    shown = np.frombuffer(bytes(images[0].data), np.uint8).reshape(*flight[0].image.shape, 3)
+    assert np.array_equal(shown[..., 0], flight[0].image)
+
+
+def test_best_effort_camera(graph: Graph, flight: list[Shot]) -> None:
+    """The newest frame is taken from whoever offers it; to keep all frames, the camera must be RELIABLE."""
+    newest = graph.start("tracker_node", "/newest", remap={"image_raw": "/image_raw"})
+    keeping = graph.start("tracker_node", "/keeping", remap={"image_raw": "/image_raw"}, queue_depth=0)
+    answers = graph.listen(CameraInfo, "/newest/homography")
+    graph.until(lambda: all("ready" in one.log for one in (newest, keeping)), "both ready")
+    camera = graph.speak(Image, "/image_raw", BEST_EFFORT)
+
+    def answered() -> bool:  # the tracker may still be subscribing anew
+        camera.publish(image_message(flight[0].image, 1))
+        return bool(answers)
+
+    graph.until(answered, "an answer")
+    graph.until(lambda: "ERROR" in keeping.log, "the error")
+    assert "/image_raw: a publisher offers an incompatible RELIABILITY" in keeping.log
+    assert "let it offer RELIABLE, or set queue_depth:=1" in keeping.log
+    assert "ERROR" not in newest.log
+
+
+def test_debug_image_is_made_for_who_listens(graph: Graph, flight: list[Shot]) -> None:
+    graph.start("tracker_node", queue_depth=0)
+    pictures = graph.listen(Image, "/tracker_node/debug_image")
+    camera = graph.speak(Image, "/image_raw")
+    graph.until(lambda: graph.node.count_publishers("/tracker_node/debug_image"), "discovery")
+    for number in (0, 1):
+        camera.publish(image_message(flight[number].image, number))
+    graph.until(lambda: pictures and stamp_ns(pictures[-1]) == 1, "the debug picture")
+    height, width = flight[0].image.shape
+    assert (pictures[-1].height, pictures[-1].width, pictures[-1].encoding) == (height, width, "bgr8")

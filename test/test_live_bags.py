@@ -1,0 +1,197 @@
+"""Player and recorder as users run them: separate processes over DDS, real bags, real faults."""
+
+from __future__ import annotations
+
+import resource
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from live_graph import Graph, graph_in, values_of
+from mcap.reader import make_reader
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message, serialize_message
+from recordings import FRAME_ID, IMAGE_TOPIC, OTHER_TOPIC
+from rosbags.highlevel import AnyReader
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Image
+from std_msgs.msg import Float64, String
+
+from stab_ros.io.bag import BagWriter, Topic, open_bag, topic_of
+from stab_ros.io.recover import recover
+
+STRING = "std_msgs/msg/String"
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+KEEP_ALL = QoSProfile(history=HistoryPolicy.KEEP_ALL)
+BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+@pytest.fixture
+def graph(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Graph]:
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    with graph_in(tmp_path) as graph:
+        yield graph
+
+
+def write_strings(path: Path, count: int, period_ns: int = 10_000_000, qos: str = "") -> Path:
+    """`count` messages "0", "1", ... on /said."""
+    with BagWriter(path) as writer:
+        writer.add_topic(topic_of("/said", STRING, qos))
+        for number in range(count):
+            time_ns = 10**9 + number * period_ns
+            writer.write("/said", time_ns, time_ns, serialize_message(String(data=str(number))))
+    return path
+
+
+def offers(reliability: str, durability: str = "volatile") -> str:
+    forever = "{sec: 9223372036, nsec: 854775807}"
+    return (f"- history: unknown\n  depth: 0\n  reliability: {reliability}\n  durability: {durability}\n"
+            f"  deadline: {forever}\n  lifespan: {forever}\n  liveliness: automatic\n"
+            f"  liveliness_lease_duration: {forever}\n  avoid_ros_namespace_conventions: false\n")
+
+
+def test_player_loses_nothing_though_the_subscriber_is_slow(graph: Graph, tmp_path: Path) -> None:
+    bag = write_strings(tmp_path / "bag.mcap", 500)
+    heard = graph.listen(String, "/said", KEEP_ALL)
+    player = graph.start("bag_player_node", bag=str(bag), rate=1e6, wait_for_subscribers=1)
+    graph.until(lambda: len(heard) == 1, "the first message")  # and no other is taken until the player has ended
+    assert player.wait() == 0
+    graph.until(lambda: len(heard) == 500, "all messages")
+    assert [one.data for one in heard] == [str(number) for number in range(500)]
+
+
+def test_player_offers_what_was_recorded(graph: Graph, tmp_path: Path) -> None:
+    bag = tmp_path / "bag.mcap"
+    kinds = {"/latched": offers("reliable", "transient_local"), "/sensor": offers("best_effort"), "/unknown": ""}
+    with BagWriter(bag) as writer:
+        for name, qos in kinds.items():
+            writer.add_topic(topic_of(name, STRING, qos))
+            writer.write(name, 10**9, 10**9, serialize_message(String(data=name)))
+    graph.start("bag_player_node", bag=str(bag), wait_for_subscribers=1000)
+    graph.until(lambda: all(graph.node.count_publishers(name) for name in kinds), "three publishers")
+    offered = {name: graph.node.get_publishers_info_by_topic(name)[0].qos_profile for name in kinds}
+    assert offered["/latched"].durability == DurabilityPolicy.TRANSIENT_LOCAL
+    assert {name: one.reliability for name, one in offered.items()} == {
+        "/latched": ReliabilityPolicy.RELIABLE, "/sensor": ReliabilityPolicy.BEST_EFFORT,
+        "/unknown": ReliabilityPolicy.RELIABLE}
+
+
+def test_player_waits_for_subscribers_of_images(graph: Graph, recordings: dict[str, Path]) -> None:
+    heights = graph.listen(Float64, OTHER_TOPIC)
+    player = graph.start("bag_player_node", bag=str(recordings["mcap"]), wait_for_subscribers=1, rate=1e6)
+    graph.until(lambda: graph.node.count_publishers(OTHER_TOPIC), "the player")
+    assert not heights
+    images = graph.listen(Image, IMAGE_TOPIC)
+    graph.until(lambda: len(images) == 10, "all images")
+    assert player.wait() == 0
+    assert [one.header.frame_id for one in images] == [FRAME_ID] * 10
+
+
+def test_player_loops_from_its_offset_and_tells_the_time(graph: Graph, tmp_path: Path) -> None:
+    bag = write_strings(tmp_path / "bag.mcap", 10, period_ns=100_000_000)
+    heard = graph.listen(String, "/said", KEEP_ALL)
+    clock = graph.listen(Clock, "/clock", KEEP_ALL)
+    player = graph.start("bag_player_node", bag=str(bag), loop=True, clock=True, start_offset=0.5, rate=20.0,
+                         wait_for_subscribers=1)
+    graph.until(lambda: len(heard) >= 13, "three rounds")
+    assert player.stop() == 0
+    assert [int(one.data) for one in heard[:13]] == [5, 6, 7, 8, 9, 5, 6, 7, 8, 9, 5, 6, 7]
+    told_ns = [one.clock.sec * 10**9 + one.clock.nanosec for one in clock]
+    assert all(1_500_000_000 <= time_ns <= 1_900_000_000 for time_ns in told_ns)
+    assert 1_900_000_000 in told_ns
+
+
+def test_player_leaves_out_what_it_has_no_type_for(graph: Graph, tmp_path: Path) -> None:
+    bag = tmp_path / "bag.mcap"
+    with BagWriter(bag) as writer:
+        writer.add_topic(topic_of("/said", STRING))
+        writer.add_topic(Topic("/odd", "nobody_msgs/msg/Odd", 0, "int32 odd"))
+        writer.write("/odd", 10**9, 10**9, bytes(8))
+        writer.write("/said", 10**9, 10**9, serialize_message(String(data="even")))
+    heard = graph.listen(String, "/said")
+    player = graph.start("bag_player_node", bag=str(bag), wait_for_subscribers=1)
+    graph.until(lambda: heard, "the other topic")
+    assert player.wait() == 0
+    assert "/odd is left out: message type nobody_msgs/msg/Odd is not installed" in player.log
+
+
+def test_recording_is_read_by_other_libraries(graph: Graph, tmp_path: Path) -> None:
+    output = tmp_path / "out.mcap"
+    latched = graph.node.create_publisher(String, "/latched", LATCHED)
+    latched.publish(String(data="before the recorder came"))
+    recorder = graph.start("bag_recorder_node", output=str(output), topics=["/latched", "/sensor", "/said"])
+    sensor = graph.speak(Image, "/sensor", BEST_EFFORT)
+    said = graph.speak(String, "/said")
+    for number in range(50):
+        said.publish(String(data=str(number)))
+    reports = graph.listen(DiagnosticArray, "/diagnostics", 1)
+
+    def all_there() -> bool:  # what is best effort may be lost
+        sensor.publish(Image(encoding="mono8", data=[1, 2, 3], height=1, width=3, step=3))
+        return bool(reports) and int(values_of(reports[-1])["messages"]) > 51
+
+    graph.until(all_there, "all messages")
+    assert recorder.stop() == 0
+
+    with output.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        assert reader.get_header().profile == "ros2"
+        recorded = list(reader.iter_messages())
+        strings = {topic: [deserialize_message(message.data, String).data
+                           for _, channel, message in recorded if channel.topic == topic]
+                   for topic in ("/latched", "/said")}
+        assert all(0 <= message.log_time - message.publish_time < 60 * 10**9 for _, _, message in recorded)
+    assert strings == {"/latched": ["before the recorder came"], "/said": [str(number) for number in range(50)]}
+    with AnyReader([output]) as bag:
+        assert {one.topic: one.msgtype for one in bag.connections}["/sensor"] == "sensor_msgs/msg/Image"
+        qos = {one.topic: one.ext.offered_qos_profiles[0] for one in bag.connections}  # type: ignore[union-attr]
+    assert qos["/latched"].durability.name == "TRANSIENT_LOCAL"
+    assert qos["/sensor"].reliability.name == "BEST_EFFORT"
+
+
+def test_existing_output_is_refused(graph: Graph, tmp_path: Path) -> None:
+    output = write_strings(tmp_path / "out.mcap", 1)
+    before = output.read_bytes()
+    recorder = graph.start("bag_recorder_node", output=str(output))
+    assert recorder.wait() == 2
+    (line,) = recorder.log.splitlines()
+    assert f"{output}: exists already" in line
+    assert output.read_bytes() == before
+
+
+def test_full_disk_is_reported_and_survived(graph: Graph, tmp_path: Path) -> None:
+    output = tmp_path / "out.mcap"
+    recorder = graph.start("bag_recorder_node", output=str(output), topics=["/said"])
+    said = graph.speak(String, "/said")
+    reports = graph.listen(DiagnosticArray, "/diagnostics", 1)
+    said.publish(String(data="first"))
+    graph.until(lambda: reports and values_of(reports[-1])["messages"] == "1", "the first message")
+    resource.prlimit(recorder.process.pid, resource.RLIMIT_FSIZE, (10_000, 10_000))
+    said.publish(String(data="x" * 20_000))
+    graph.until(lambda: reports[-1].status[0].level == b"\2", "the error")
+    assert "out.mcap: " in reports[-1].status[0].message
+    assert recorder.process.poll() is None
+    assert recorder.stop() == 1
+    assert not output.exists()
+    with open_bag(tmp_path / "out.mcap.partial") as bag:
+        assert [deserialize_message(message.data, String).data for message in bag.messages()] == ["first"]
+
+
+def test_killed_recorder_leaves_what_it_had(graph: Graph, tmp_path: Path) -> None:
+    recorder = graph.start("bag_recorder_node", output=str(tmp_path / "out.mcap"), topics=["/said"])
+    said = graph.speak(String, "/said")
+    for number in range(20):
+        said.publish(String(data=str(number)))
+    partial = tmp_path / "out.mcap.partial"
+
+    def written() -> bool:
+        return partial.read_bytes().count(b"/said") > 0 and b"\x0019" in partial.read_bytes()
+
+    graph.until(written, "a closed chunk")
+    assert recorder.stop(signal.SIGKILL) == -signal.SIGKILL
+    recover(partial, tmp_path / "fixed.mcap")
+    with open_bag(tmp_path / "fixed.mcap") as bag:
+        read = [deserialize_message(message.data, String).data for message in bag.messages(["/said"])]
+    assert read == [str(number) for number in range(20)]
