@@ -58,6 +58,6 @@ endef
 $(INSTALLED): setup.py
 	@$(FIND_PYTHON); \
 	$(PY) -m pip --version >/dev/null 2>&1 || "$$found" -m venv --clear $(VENV)
-	@echo "Setting up $(VENV) with $$($(PY) --version); the first time this fetches about 350 MB."
+	@echo "Setting up $(VENV) with $$($(PY) --version); the first time this fetches about 240 MB."
 	$(PY) -m pip install --editable '.[test]'
 	@touch $@

@@ -104,7 +104,7 @@ def compressed(image: Image, stamp_ns: int) -> bytes:
 
 def camera_info(flight: Flight, stamp_ns: int) -> bytes:
     """A pinhole camera without distortion."""
-    K, (width, height) = flight.camera.K, flight.size
+    K, (width, height) = np.asarray(flight.camera.K, np.float64), flight.size
     message = ros.sensor_msgs__msg__CameraInfo(
         header=header(stamp_ns, "camera"), height=height, width=width, distortion_model="plumb_bob", d=np.zeros(5),
         k=K.ravel(), r=np.eye(3).ravel(), p=np.column_stack([K, np.zeros(3)]).ravel(), binning_x=0, binning_y=0,

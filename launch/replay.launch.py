@@ -3,14 +3,16 @@
 ros2 launch stab_ros replay.launch.py bag:=flight.mcap output:=stabilized.mcap [namespace:=/camera] [rate:=1.0]
 """
 
-from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
+from launch import LaunchDescription
+
 
 def generate_launch_description() -> LaunchDescription:
+    """Tracker, recorder and player, each waiting for the one after it."""
     namespace = LaunchConfiguration("namespace")
     tracker = Node(
         package="stab_ros",

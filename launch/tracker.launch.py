@@ -3,14 +3,16 @@
 ros2 launch stab_ros tracker.launch.py namespace:=/camera [config:=my.yaml] [image:=/camera/image_raw]
 """
 
-from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
+from launch import LaunchDescription
+
 
 def generate_launch_description() -> LaunchDescription:
+    """One node, in the camera's namespace."""
     config = PathJoinSubstitution([FindPackageShare("stab_ros"), "config", "tracker.yaml"])
     return LaunchDescription([
         DeclareLaunchArgument("namespace", default_value="/camera", description="of the camera"),

@@ -3,13 +3,15 @@
 ros2 launch stab_ros two_cameras.launch.py first:=/left second:=/right
 """
 
-from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.substitutions import FindPackageShare
 
+from launch import LaunchDescription
+
 
 def generate_launch_description() -> LaunchDescription:
+    """`tracker.launch.py` twice."""
     tracker = PathJoinSubstitution([FindPackageShare("stab_ros"), "launch", "tracker.launch.py"])
     return LaunchDescription([
         DeclareLaunchArgument("first", default_value="/left", description="namespace of a camera"),

@@ -215,8 +215,8 @@ def _progress(unit: str) -> Iterator[Callable[[int, int | None], None]]:
     """Shows how many are done, a second's rate and the time left; only on a terminal."""
     from tqdm import tqdm
 
-    columns = min(100, shutil.get_terminal_size().columns)  # a terminal may say that it has none
-    with tqdm(unit=f" {unit}", ncols=columns, disable=None, leave=False) as bar:
+    columns, lines = shutil.get_terminal_size()  # where a terminal says 0, tqdm alone would show nothing
+    with tqdm(unit=f" {unit}", ncols=min(100, columns), nrows=lines, disable=None, leave=False) as bar:
 
         def show(done: int, total: int | None) -> None:
             bar.total = total

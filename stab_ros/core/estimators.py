@@ -30,7 +30,11 @@ _MAX_SAMPLES = 500
 _BATCH = 50
 _POLISH = 10
 _CONVERGED_PX = 1e-4
-_TABLE = 1024  # steps of r^2 / threshold^2
+_OCTAVES = 4
+_LEVEL = 0.2  # of the threshold: features more certain than this count alike in the search
+_SETTLING = 2
+_MAJORITY = 0.6
+_TABLE = 4096  # steps of r^2 / threshold^2
 _TRUSTED = 0.5  # samples are drawn among features trusted more
 _SEED = 20201020
 
@@ -42,15 +46,15 @@ class Kernel:
     weight: FloatArray
     loss: FloatArray
     beyond: float
-    searches: bool
+    robust: bool
 
     @staticmethod
     def least_squares() -> Kernel:
-        return Kernel(np.ones(_TABLE), np.linspace(0, 1, _TABLE), beyond=1.0, searches=False)
+        return Kernel(np.ones(_TABLE), np.linspace(0, 1, _TABLE), beyond=1.0, robust=False)
 
     @staticmethod
     def ransac() -> Kernel:
-        return Kernel(np.ones(_TABLE), np.zeros(_TABLE), beyond=0.0, searches=True)
+        return Kernel(np.ones(_TABLE), _over_scales(np.zeros(_TABLE)), beyond=0.0, robust=True)
 
     @staticmethod
     def magsac() -> Kernel:
@@ -59,7 +63,20 @@ class Kernel:
         upper = np.array([math.erfc(math.sqrt(t * k2 / 2)) for t in squared])  # Gamma(1/2, x) / sqrt(pi)
         weight = (upper - upper[-1]) / (upper[0] - upper[-1])
         loss = np.concatenate([[0.0], np.cumsum((weight[1:] + weight[:-1]) / 2)])
-        return Kernel(weight, loss / loss[-1], beyond=0.0, searches=True)
+        return Kernel(weight, _over_scales(loss / loss[-1]), beyond=0.0, robust=True)
+
+
+def _over_scales(loss: FloatArray) -> FloatArray:
+    """The mean loss over thresholds of 1, 1/2, 1/4 and 1/8.
+
+    Two planes that move apart by half a threshold look like one to a single threshold; ranked like this, the samples
+    on either beat those in between.
+    """
+    squared = np.linspace(0, 1, _TABLE)
+    scales = [np.interp(np.minimum(squared * 4.0**octave, 1), squared, loss, right=1.0) for octave in range(_OCTAVES)]
+    for octave, scaled in enumerate(scales):
+        scaled[squared * 4.0**octave >= 1] = 1.0
+    return np.asarray(np.mean(scales, axis=0))
 
 
 ESTIMATORS = {"least_squares": Kernel.least_squares(), "ransac": Kernel.ransac(), "magsac": Kernel.magsac()}
@@ -94,6 +111,31 @@ class Problem:
         pairs = self.pairs
         return np.asarray(gn.squared_residuals(H, pairs.reference_px, pairs.current_px, self.shape)) / threshold_px**2
 
+    def spread_px(self, H: Homography) -> float:
+        """Robust standard deviation of the trusted features within the threshold, each along its best direction."""
+        pairs = self.pairs
+        chosen = (self.squared(H, self.threshold_px) < 1) & (self.trust > _TRUSTED)
+        if not chosen.any():
+            return 0.0
+        information = pairs.information[chosen]
+        angle = np.arctan2(2 * information[:, 0, 1], information[:, 0, 0] - information[:, 1, 1]) / 2
+        error = pairs.reference_px[chosen] - apply(H, pairs.current_px[chosen])
+        return 1.4826 * float(np.median(np.abs(error[:, 0] * np.cos(angle) + error[:, 1] * np.sin(angle))))
+
+    def reach_px(self, kernel: Kernel, H: Homography) -> float:
+        """How far from H a feature still counts: four times their spread, at most the threshold."""
+        if not kernel.robust:
+            return self.threshold_px
+        return min(max(4 * self.spread_px(H), self.threshold_px / 2 ** (_OCTAVES - 1)), self.threshold_px)
+
+    def relief_px(self, H: Homography) -> float:
+        """How far features scatter beyond what their information says: relief of the ground, compression, leaves.
+
+        Moment estimate of the between-feature spread in a random-effects model (DerSimonian and Laird 1986).
+        """
+        claimed = float(np.median(1 / strongest(self.pairs.information)))
+        return math.sqrt(max(0.0, self.spread_px(H) ** 2 - claimed))
+
     def least_loss(self, kernel: Kernel, candidates: FloatArray) -> tuple[int, float]:
         """The best of (M, 3, 3) candidates (-1: there are none) and its loss."""
         pairs = self.pairs
@@ -118,23 +160,23 @@ def fit(pairs: Correspondences, model: str, estimator: str, threshold_px: float,
     """
     if len(pairs) < minimal_points(model):
         return None
-    problem = Problem.of(pairs, np.ones(len(pairs)) if trust is None else trust, model, threshold_px)
     kernel = ESTIMATORS[estimator]
-    guess = nearest(model, guess, pairs.current_px)
-    H = _search(problem, kernel, guess) if kernel.searches else problem.polish(kernel, guess, threshold_px)
+    problem = Problem.of(pairs, np.ones(len(pairs)) if trust is None else trust, model, threshold_px)
+    H = _search(problem, kernel, nearest(model, guess, pairs.current_px))
     if H is None:
         return None
-    problem = problem.softened(_relief_px(problem, H))
-    H = problem.polish(kernel, H, threshold_px)
-    return None if H is None else _report(problem, kernel, H)
+    reach_px = problem.reach_px(kernel, H)
+    problem = problem.softened(problem.relief_px(H))
+    H = problem.polish(kernel, H, reach_px)
+    return None if H is None else _report(problem, kernel, H, reach_px)
 
 
 def refine(pairs: Correspondences, model: str, threshold_px: float, guess: Homography,
            trust: FloatArray) -> Homography | None:
-    """What `fit` does from the guess alone, for the inner iterations of a method that re-measures after each."""
+    """The homography alone, good enough for the inner iterations of a method that measures again after each."""
     if len(pairs) < minimal_points(model):
         return None
-    return _narrow_down(Problem.of(pairs, trust, model, threshold_px), ESTIMATORS["magsac"], guess)
+    return _search(Problem.of(pairs, trust, model, threshold_px), ESTIMATORS["magsac"], guess)
 
 
 def strongest(information: FloatArray) -> FloatArray:
@@ -144,7 +186,13 @@ def strongest(information: FloatArray) -> FloatArray:
 
 
 def _search(problem: Problem, kernel: Kernel, guess: Homography) -> Homography | None:
-    """LO-RANSAC: the best of the narrowed-down guess and of polished samples, drawn until one more cannot matter."""
+    """LO-RANSAC: the best of the narrowed-down guess and of polished samples, drawn until one more cannot matter.
+
+    No feature may outvote many others here: the information is levelled to a fraction of the threshold.
+    """
+    problem = problem.softened(_LEVEL * problem.threshold_px)
+    if not kernel.robust:
+        return problem.polish(kernel, guess, problem.threshold_px)
     best = _narrow_down(problem, kernel, guess)
     least = math.inf if best is None else problem.least_loss(kernel, best[None])[1]
     drawn = 0
@@ -164,6 +212,13 @@ def _narrow_down(problem: Problem, kernel: Kernel, guess: Homography) -> Homogra
     H: Homography | None = guess
     for factor in (64.0, 16.0, 4.0, 1.0):
         H = None if H is None else problem.polish(kernel, H, factor * problem.threshold_px)
+    return _settle(problem, kernel, H)
+
+
+def _settle(problem: Problem, kernel: Kernel, H: Homography | None) -> Homography | None:
+    """H fitted to what lies within the scatter of what agrees with it."""
+    for _ in range(_SETTLING):
+        H = None if H is None else problem.polish(kernel, H, problem.reach_px(kernel, H))
     return H
 
 
@@ -179,11 +234,15 @@ def _samples(problem: Problem) -> Iterator[IdArray]:
 
 
 def _samples_needed(problem: Problem, loss: float) -> float:
-    """Until one sample without an outlier was drawn with _CONFIDENCE; `loss` stands for the share of outliers."""
-    if not math.isfinite(loss):
-        return math.inf
-    clean = max(1e-9, 1.0 - loss / float(problem.trust.sum())) ** minimal_points(problem.basis.model)
-    return 0.0 if clean >= 1.0 else math.log(1 - _CONFIDENCE) / math.log(1 - clean)
+    """Until one sample without an outlier was drawn with _CONFIDENCE; `loss` stands for the share of outliers.
+
+    None where a clear majority agrees closely: no other can then.
+    """
+    agreeing = 1.0 - loss / float(problem.trust.sum())
+    if agreeing > _MAJORITY:
+        return 0.0
+    clean = max(1e-3, agreeing) ** minimal_points(problem.basis.model)
+    return math.log(1 - _CONFIDENCE) / math.log(1 - clean)
 
 
 def _polished_sample(problem: Problem, kernel: Kernel, samples: IdArray) -> Homography | None:
@@ -191,29 +250,11 @@ def _polished_sample(problem: Problem, kernel: Kernel, samples: IdArray) -> Homo
     pairs = problem.pairs
     candidates = minimal_homographies(problem.basis.model, pairs.current_px[samples], pairs.reference_px[samples])
     best = problem.least_loss(kernel, candidates)[0]
-    return None if best < 0 else problem.polish(kernel, candidates[best], problem.threshold_px)
+    return None if best < 0 else _settle(problem, kernel, candidates[best])
 
 
-def _relief_px(problem: Problem, H: Homography) -> float:
-    """How far the inliers scatter beyond what their information says: relief of the ground, compression, leaves.
-
-    Robust moment estimate of the between-feature spread in a random-effects model (DerSimonian and Laird 1986), along
-    each feature's best determined direction.
-    """
-    pairs = problem.pairs
-    inlier = problem.squared(H, problem.threshold_px) < 1
-    if not inlier.any():
-        return 0.0
-    information = pairs.information[inlier]
-    xx, xy, yy = information[:, 0, 0], information[:, 0, 1], information[:, 1, 1]
-    angle = np.arctan2(2 * xy, xx - yy) / 2  # of the larger principal axis
-    error = pairs.reference_px[inlier] - apply(H, pairs.current_px[inlier])
-    spread = 1.4826 * float(np.median(np.abs(error[:, 0] * np.cos(angle) + error[:, 1] * np.sin(angle))))
-    return math.sqrt(max(0.0, spread**2 - float(np.median(1 / strongest(information)))))
-
-
-def _report(problem: Problem, kernel: Kernel, H: Homography) -> Fit | None:
-    squared = problem.squared(H, problem.threshold_px)
+def _report(problem: Problem, kernel: Kernel, H: Homography, reach_px: float) -> Fit | None:
+    squared = problem.squared(H, reach_px)
     inlier = squared < 1
     covariance = _covariance(problem, gn.weigh(squared, kernel.weight, kernel.beyond) * problem.trust, H)
     if covariance is None or not inlier.any():

@@ -17,7 +17,7 @@ from stab_ros.nodes.gap_counter import GapCounter
 from stab_ros.nodes.qos import AdaptiveSubscription, keep_all_offered, offered_yaml
 from stab_ros.nodes.runtime import Spinner, StabNode, message_class
 
-_LOOK_S = 0.2  # how often new topics and publishers are looked for
+_LOOK_S = 0.1  # how often new topics and publishers are looked for
 _DRAIN_LIMIT_S = 10.0
 _OK, _ERROR = 0, 2  # diagnostic_msgs/DiagnosticStatus
 

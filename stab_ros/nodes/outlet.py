@@ -6,10 +6,10 @@ import time
 from typing import Any
 
 from rclpy.duration import Duration
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from stab_ros.nodes.qos import publisher_events
+from stab_ros.nodes.runtime import StabNode
 
 _STEP = Duration(nanoseconds=100_000_000)
 _PATIENCE_S = 10.0  # a subscriber that acknowledges nothing for so long hangs or was killed
@@ -22,7 +22,7 @@ class Outlet:
     acknowledged yet, `send` waits for it.
     """
 
-    def __init__(self, node: Node, msg_class: Any, topic: str, qos: QoSProfile, lossless: bool = False) -> None:
+    def __init__(self, node: StabNode, msg_class: Any, topic: str, qos: QoSProfile, lossless: bool = False) -> None:
         self._node = node
         self._publisher = node.create_publisher(
             msg_class, topic, qos, event_callbacks=publisher_events(node, node.resolve_topic_name(topic)))
@@ -48,7 +48,7 @@ class Outlet:
             return
         self._hung_subscribers = 0
         deadline_s = time.monotonic() + _PATIENCE_S
-        while not self._publisher.wait_for_all_acked(_STEP):
+        while not (self._publisher.wait_for_all_acked(_STEP) or self._node.stop.requested):
             if time.monotonic() > deadline_s:
                 self._hung_subscribers = self.subscribers
                 self._node.get_logger().warning(

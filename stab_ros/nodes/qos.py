@@ -28,8 +28,8 @@ _COMPATIBLE = {"RELIABILITY": "reliability BEST_EFFORT", "DURABILITY": "durabili
 _INFINITE_NS = 2**63 - 1
 
 # as rosbag2 writes them: names since Iron, numbers before
-_RELIABILITY = {"best_effort": ReliabilityPolicy.BEST_EFFORT, 2: ReliabilityPolicy.BEST_EFFORT}
-_DURABILITY = {"transient_local": DurabilityPolicy.TRANSIENT_LOCAL, 1: DurabilityPolicy.TRANSIENT_LOCAL}
+_RELIABILITY = {"best_effort": ReliabilityPolicy.BEST_EFFORT, "2": ReliabilityPolicy.BEST_EFFORT}
+_DURABILITY = {"transient_local": DurabilityPolicy.TRANSIENT_LOCAL, "1": DurabilityPolicy.TRANSIENT_LOCAL}
 
 
 def reliability_for(offers: Sequence[QoSProfile]) -> ReliabilityPolicy:
@@ -129,11 +129,11 @@ def replay_qos(offered_qos_profiles: str) -> QoSProfile:
 
     RELIABLE and VOLATILE where the recording does not say, or where its publishers differed.
     """
-    offers = _recorded_offers(offered_qos_profiles)
-    kinds = {(_RELIABILITY.get(offer.get("reliability")), _DURABILITY.get(offer.get("durability"))) for offer in offers}
-    reliability, durability = kinds.pop() if len(kinds) == 1 else (None, None)
-    return QoSProfile(depth=_REPLAY_DEPTH, reliability=reliability or ReliabilityPolicy.RELIABLE,
-                      durability=durability or DurabilityPolicy.VOLATILE)
+    kinds = {(str(offer.get("reliability")), str(offer.get("durability")))
+             for offer in _recorded_offers(offered_qos_profiles)}
+    reliability, durability = kinds.pop() if len(kinds) == 1 else ("", "")
+    return QoSProfile(depth=_REPLAY_DEPTH, reliability=_RELIABILITY.get(reliability, ReliabilityPolicy.RELIABLE),
+                      durability=_DURABILITY.get(durability, DurabilityPolicy.VOLATILE))
 
 
 def _recorded_offers(offered_qos_profiles: str) -> list[dict[str, Any]]:

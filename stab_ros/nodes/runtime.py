@@ -5,15 +5,17 @@ from __future__ import annotations
 import ctypes
 import importlib
 import os
+import re
+import shutil
 import time
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -27,6 +29,7 @@ from stab_ros.nodes.stopping import StopRequest
 SECOND_NS = 1_000_000_000
 _STEP_S = 0.1  # how long a wait may last before the wish to stop is looked at
 _SETTLED_S = 0.2  # without a message for so long, the queues are empty
+_SHARED_MEMORY, _ENOUGH_BYTES = Path("/dev/shm"), 128 << 20
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # malloc.h
 
 
@@ -56,7 +59,10 @@ class Spinner:
 
 
 class StabNode(Node):
-    """A node with diagnostics, steady timers, and parameters that may be given to the constructor."""
+    """A node with diagnostics, steady timers, and parameters that may be given to the constructor.
+
+    stop: the wish to end, for what must not wait any longer then.
+    """
 
     def __init__(self, name: str, given: Mapping[str, Any] | None = None) -> None:
         overrides = [Parameter(key, value=value) for key, value in (given or {}).items()]
@@ -64,6 +70,7 @@ class StabNode(Node):
             super().__init__(name, automatically_declare_parameters_from_overrides=True, parameter_overrides=overrides)
         except ValueError as error:
             raise ConfigError(f"a parameter was given an empty value, it must be left out instead ({error})") from error
+        self.stop = StopRequest()
         self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
 
     def prepare(self) -> None:
@@ -95,6 +102,8 @@ def run(make: Callable[[], StabNode], stop: StopRequest) -> int:
     _init()
     try:
         node = make()
+        node.stop = stop
+        _warn_of_little_shared_memory(node)
         node.prepare()
         stop.defer()
         _spin(node, stop)
@@ -113,11 +122,18 @@ def _spin(node: StabNode, stop: StopRequest) -> None:
         node.destroy_node()
 
 
+def _warn_of_little_shared_memory(node: StabNode) -> None:
+    """Fast DDS passes large images through it, and loses them silently where they do not fit."""
+    if _SHARED_MEMORY.is_dir() and shutil.disk_usage(_SHARED_MEMORY).total < _ENOUGH_BYTES:
+        node.get_logger().warning(f"{_SHARED_MEMORY} is smaller than {_ENOUGH_BYTES >> 20} MiB, large images may be "
+                                  "lost; give the container more, as with docker run --shm-size=512m")
+
+
 def _init() -> None:
     set_logger_level("rcl", LoggingSeverity.FATAL)  # rcl would print its own line beside ours
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    except rclpy_implementation.RCLError as error:
+    except RuntimeError as error:  # rclpy's RCLError is not public
         raise InputError(f"the ROS arguments cannot be used: {str(error).split(', at ')[0]}") from error
     set_logger_level("rcl", LoggingSeverity.UNSET)
 
@@ -128,10 +144,12 @@ def message_class(msgtype: str) -> Any:
     Raises:
         InputError: it is not installed.
     """
-    package, _, name = msgtype.partition("/msg/")
+    named = re.fullmatch(r"(\w+)/msg/(\w+)", msgtype)
+    if named is None:
+        raise InputError(f"{msgtype!r} is no message type, it must be named as package/msg/Name")
     try:
-        return getattr(importlib.import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError, ValueError) as error:
+        return getattr(importlib.import_module(f"{named[1]}.msg"), named[2])
+    except (ImportError, AttributeError) as error:
         raise InputError(f"message type {msgtype} is not installed") from error
 
 

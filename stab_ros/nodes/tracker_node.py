@@ -72,6 +72,7 @@ class TrackerNode(StabNode):
         self.stabilizer: Stabilizer = make_stabilizer(values)
         self.camera = CameraFeed(self, self._use_camera) if values["use_camera_info"] else None
         self.status = TrackerStatus(str(values["method"]), round(self.settings.stale_s * SECOND_NS))
+        self._image_type = COMPRESSED_IMAGE if self.settings.image_transport == "compressed" else IMAGE
         self._input: AdaptiveSubscription | None = None
         self._gaps = GapCounter()
         self._held: deque[tuple[bytes, int]] = deque(maxlen=_HELD_IMAGES)
@@ -107,9 +108,8 @@ class TrackerNode(StabNode):
             self.status.waiting_for = f"{self.settings.wait_for_subscribers} subscribers of homography"
 
     def _open_input(self) -> AdaptiveSubscription:
-        compressed = self.settings.image_transport == "compressed"
+        compressed = self._image_type == COMPRESSED_IMAGE
         msg_class, topic = (CompressedImage, "image_raw/compressed") if compressed else (Image, "image_raw")
-        self._image_type = COMPRESSED_IMAGE if compressed else IMAGE
         choose = newest_only if self.settings.queue_depth else keep_all_reliable
         return AdaptiveSubscription(self, msg_class, topic, self._on_image, choose,
                                     "let it offer RELIABLE, or set queue_depth:=1")
