@@ -35,32 +35,40 @@ def squared_residuals(H: Homography, reference: FloatArray, current: FloatArray,
 
 
 @numba.njit(cache=True, nogil=True)
-def look_up(table: FloatArray, squared: float, beyond: float) -> float:
-    """The table's value at `squared` in [0, 1); `beyond` from there on."""
-    return table[int(squared * (len(table) - 1))] if squared < 1 else beyond
+def look_up(table: FloatArray, relative: float, beyond: float) -> float:
+    """The table's value at `relative` in [0, 1); `beyond` from there on."""
+    return table[int(relative * (len(table) - 1))] if relative < 1 else beyond
 
 
 @numba.njit(cache=True, nogil=True)
-def weigh(squared: FloatArray, table: FloatArray, beyond: float) -> FloatArray:
-    out = np.empty(len(squared))
-    for i in range(len(squared)):
-        out[i] = look_up(table, squared[i], beyond)
+def weigh(relative: FloatArray, table: FloatArray, beyond: float) -> FloatArray:
+    """(N,) the table's value at each."""
+    out = np.empty(len(relative))
+    for i in range(len(relative)):
+        out[i] = look_up(table, relative[i], beyond)
     return out
 
 
 @numba.njit(cache=True, nogil=True)
 def least_loss(candidates: FloatArray, reference: FloatArray, current: FloatArray, shape: FloatArray, trust: FloatArray,
-               loss: FloatArray, per_squared_px: float) -> tuple[int, float]:
-    """Which of the (M, 3, 3) candidates has the least trust-weighted loss, and that loss."""
+               noise: FloatArray, loss: FloatArray, threshold_px: float, octaves: int) -> tuple[int, float]:
+    """Which of the (M, 3, 3) candidates has the least trust-weighted loss, and that loss.
+
+    The loss is the mean over thresholds of 1, 1/2, 1/4 ...: two planes that move apart by half a threshold look like
+    one to a single threshold; ranked like this, each of them beats what lies in between.
+    """
     best, least = -1, np.inf
     for m in range(len(candidates)):
         squared = squared_residuals(candidates[m], reference, current, shape)
         total = 0.0
         for i in range(len(squared)):
-            total += trust[i] * look_up(loss, squared[i] * per_squared_px, 1.0)
+            reach = threshold_px**2
+            for _ in range(octaves):
+                total += trust[i] * look_up(loss, squared[i] / (reach + noise[i]), 1.0)
+                reach /= 4
         if total < least:
             best, least = m, total
-    return best, least
+    return best, least / octaves
 
 
 @numba.njit(cache=True, nogil=True)
@@ -153,12 +161,12 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
 
 @numba.njit(cache=True, nogil=True)
 def polish(H: Homography, reference: FloatArray, current: FloatArray, information: FloatArray, shape: FloatArray,
-           trust: FloatArray, table: FloatArray, beyond: float, threshold_px: float, centre: FloatArray, radius: float,
-           k: int, steps: int, converged_px: float) -> tuple[bool, Homography]:
-    """At most `steps` steps from H, re-weighted by `table` over r^2 / threshold^2; False where they lead nowhere."""
+           trust: FloatArray, noise: FloatArray, table: FloatArray, beyond: float, threshold_px: float,
+           centre: FloatArray, radius: float, k: int, steps: int, converged_px: float) -> tuple[bool, Homography]:
+    """At most `steps` steps from H, re-weighted by `table`; False where they lead nowhere."""
     for _ in range(steps):
-        squared = squared_residuals(H, reference, current, shape) / threshold_px**2
-        weight = weigh(squared, table, beyond) * trust
+        relative = squared_residuals(H, reference, current, shape) / (threshold_px**2 + noise)
+        weight = weigh(relative, table, beyond) * trust
         normal, right, _scatter = accumulate(H, reference, current, information, weight, centre, radius, k)
         found, delta = solve(normal, right)
         if not found:

@@ -29,10 +29,12 @@ _CONFIDENCE = 0.999
 _MAX_SAMPLES = 500
 _BATCH = 50
 _POLISH = 10
-_CONVERGED_PX = 1e-4
+_CONVERGED_PX = 1e-3
 _OCTAVES = 4
 _LEVEL = 0.2  # of the threshold: features more certain than this count alike in the search
+_NARROWING = (64.0, 16.0, 4.0, 1.0)  # thresholds on the way from a guess
 _SETTLING = 2
+_SIGMAS = 3.0  # of a feature's own noise that are no disagreement
 _MAJORITY = 0.6
 _TABLE = 4096  # steps of r^2 / threshold^2
 _TRUSTED = 0.5  # samples are drawn among features trusted more
@@ -41,7 +43,7 @@ _SEED = 20201020
 
 @dataclass(frozen=True, eq=False)
 class Kernel:
-    """How a residual counts: `weight` and `loss` over r^2 / threshold^2 in [0, 1]; from there on, `beyond` and 1."""
+    """How a residual counts: `weight` and `loss` over r^2 / limit^2 in [0, 1]; from there on, `beyond` and 1."""
 
     weight: FloatArray
     loss: FloatArray
@@ -54,7 +56,7 @@ class Kernel:
 
     @staticmethod
     def ransac() -> Kernel:
-        return Kernel(np.ones(_TABLE), _over_scales(np.zeros(_TABLE)), beyond=0.0, robust=True)
+        return Kernel(np.ones(_TABLE), np.zeros(_TABLE), beyond=0.0, robust=True)
 
     @staticmethod
     def magsac() -> Kernel:
@@ -63,20 +65,7 @@ class Kernel:
         upper = np.array([math.erfc(math.sqrt(t * k2 / 2)) for t in squared])  # Gamma(1/2, x) / sqrt(pi)
         weight = (upper - upper[-1]) / (upper[0] - upper[-1])
         loss = np.concatenate([[0.0], np.cumsum((weight[1:] + weight[:-1]) / 2)])
-        return Kernel(weight, _over_scales(loss / loss[-1]), beyond=0.0, robust=True)
-
-
-def _over_scales(loss: FloatArray) -> FloatArray:
-    """The mean loss over thresholds of 1, 1/2, 1/4 and 1/8.
-
-    Two planes that move apart by half a threshold look like one to a single threshold; ranked like this, the samples
-    on either beat those in between.
-    """
-    squared = np.linspace(0, 1, _TABLE)
-    scales = [np.interp(np.minimum(squared * 4.0**octave, 1), squared, loss, right=1.0) for octave in range(_OCTAVES)]
-    for octave, scaled in enumerate(scales):
-        scaled[squared * 4.0**octave >= 1] = 1.0
-    return np.asarray(np.mean(scales, axis=0))
+        return Kernel(weight, loss / loss[-1], beyond=0.0, robust=True)
 
 
 ESTIMATORS = {"least_squares": Kernel.least_squares(), "ransac": Kernel.ransac(), "magsac": Kernel.magsac()}
@@ -87,68 +76,72 @@ class Problem:
     """Correspondences with what the estimators need of them, computed once.
 
     shape: (N, 2, 2) information over its largest eigenvalue. trust: (N,) in [0, 1], prior weight of each feature.
+    noise: (N,) px^2, what a feature's own uncertainty adds to the square of any threshold.
     """
 
     pairs: Correspondences
     shape: FloatArray
     trust: FloatArray
+    noise: FloatArray
     basis: Basis
     threshold_px: float
 
     @staticmethod
     def of(pairs: Correspondences, trust: FloatArray, model: str, threshold_px: float) -> Problem:
-        shape = pairs.information / strongest(pairs.information)[:, None, None]
-        return Problem(pairs, shape, trust, Basis.around(model, pairs.reference_px), threshold_px)
+        strength = strongest(pairs.information)
+        shape, noise = pairs.information / strength[:, None, None], _SIGMAS**2 / strength
+        return Problem(pairs, shape, trust, noise, Basis.around(model, pairs.reference_px), threshold_px)
 
     def softened(self, sigma_px: float) -> Problem:
         """The same features with an independent error of `sigma_px` more each: (Omega^-1 + sigma^2 I)^-1."""
-        information = self.pairs.information
-        softer = np.linalg.inv(np.linalg.inv(information) + sigma_px**2 * np.eye(2))
+        information, variance = self.pairs.information, sigma_px**2
+        trace = information[:, 0, 0] + information[:, 1, 1]
+        det = information[:, 0, 0] * information[:, 1, 1] - information[:, 0, 1] ** 2
+        softer = information + (variance * det)[:, None, None] * np.eye(2)  # 2x2: adj(A + B) = adj(A) + adj(B)
+        softer /= (1 + variance * trace + variance**2 * det)[:, None, None]
         return dataclasses.replace(self, pairs=dataclasses.replace(self.pairs, information=softer))
 
-    def squared(self, H: Homography, threshold_px: float) -> FloatArray:
-        """Squared residuals over the squared threshold, (N,)."""
+    def relative(self, H: Homography, threshold_px: float) -> FloatArray:
+        """Squared residuals over the squared limits, (N,): an inlier is below 1."""
         pairs = self.pairs
-        return np.asarray(gn.squared_residuals(H, pairs.reference_px, pairs.current_px, self.shape)) / threshold_px**2
-
-    def spread_px(self, H: Homography) -> float:
-        """Robust standard deviation of the trusted features within the threshold, each along its best direction."""
-        pairs = self.pairs
-        chosen = (self.squared(H, self.threshold_px) < 1) & (self.trust > _TRUSTED)
-        if not chosen.any():
-            return 0.0
-        information = pairs.information[chosen]
-        angle = np.arctan2(2 * information[:, 0, 1], information[:, 0, 0] - information[:, 1, 1]) / 2
-        error = pairs.reference_px[chosen] - apply(H, pairs.current_px[chosen])
-        return 1.4826 * float(np.median(np.abs(error[:, 0] * np.cos(angle) + error[:, 1] * np.sin(angle))))
-
-    def reach_px(self, kernel: Kernel, H: Homography) -> float:
-        """How far from H a feature still counts: four times their spread, at most the threshold."""
-        if not kernel.robust:
-            return self.threshold_px
-        return min(max(4 * self.spread_px(H), self.threshold_px / 2 ** (_OCTAVES - 1)), self.threshold_px)
+        squared = gn.squared_residuals(H, pairs.reference_px, pairs.current_px, self.shape)
+        return np.asarray(squared / (threshold_px**2 + self.noise))
 
     def relief_px(self, H: Homography) -> float:
-        """How far features scatter beyond what their information says: relief of the ground, compression, leaves.
+        """How far trusted features scatter beyond their own noise: relief of the ground, compression, leaves.
 
-        Moment estimate of the between-feature spread in a random-effects model (DerSimonian and Laird 1986).
+        A robust moment estimate of the between-feature spread in a random-effects model (DerSimonian and Laird 1986),
+        from the more certain half of the features, each along its best direction.
         """
-        claimed = float(np.median(1 / strongest(self.pairs.information)))
-        return math.sqrt(max(0.0, self.spread_px(H) ** 2 - claimed))
+        chosen = (self.relative(H, self.threshold_px) < 1) & (self.trust > _TRUSTED)
+        if not chosen.any():
+            return 0.0
+        chosen &= self.noise <= np.median(self.noise[chosen])
+        information = self.pairs.information[chosen]
+        angle = np.arctan2(2 * information[:, 0, 1], information[:, 0, 0] - information[:, 1, 1]) / 2
+        error = self.pairs.reference_px[chosen] - apply(H, self.pairs.current_px[chosen])
+        spread = 1.4826 * float(np.median(np.abs(error[:, 0] * np.cos(angle) + error[:, 1] * np.sin(angle))))
+        return math.sqrt(max(0.0, spread**2 - float(np.median(self.noise[chosen])) / _SIGMAS**2))
+
+    def reach_px(self, kernel: Kernel, H: Homography) -> float:
+        """How far from H a feature without noise still counts: four times the relief, at most the threshold."""
+        if not kernel.robust:
+            return self.threshold_px
+        return min(max(4 * self.relief_px(H), self.threshold_px / 2 ** (_OCTAVES - 1)), self.threshold_px)
 
     def least_loss(self, kernel: Kernel, candidates: FloatArray) -> tuple[int, float]:
         """The best of (M, 3, 3) candidates (-1: there are none) and its loss."""
         pairs = self.pairs
-        best, loss = gn.least_loss(candidates, pairs.reference_px, pairs.current_px, self.shape, self.trust,
-                                   kernel.loss, self.threshold_px**-2)
+        best, loss = gn.least_loss(candidates, pairs.reference_px, pairs.current_px, self.shape, self.trust, self.noise,
+                                   kernel.loss, self.threshold_px, _OCTAVES)
         return int(best), float(loss)
 
-    def polish(self, kernel: Kernel, H: Homography, threshold_px: float) -> Homography | None:
+    def polish(self, kernel: Kernel, H: Homography, threshold_px: float, steps: int = _POLISH) -> Homography | None:
         """Iteratively re-weighted Gauss-Newton from H; None where the features that count determine nothing."""
         pairs, basis = self.pairs, self.basis
         found, polished = gn.polish(H, pairs.reference_px, pairs.current_px, pairs.information, self.shape, self.trust,
-                                    kernel.weight, kernel.beyond, threshold_px, basis.centre, basis.radius,
-                                    PARAMETERS[basis.model], _POLISH, _CONVERGED_PX)
+                                    self.noise, kernel.weight, kernel.beyond, threshold_px, basis.centre,
+                                    basis.radius, PARAMETERS[basis.model], steps, _CONVERGED_PX)
         return polished if found else None
 
 
@@ -210,8 +203,8 @@ def _search(problem: Problem, kernel: Kernel, guess: Homography) -> Homography |
 def _narrow_down(problem: Problem, kernel: Kernel, guess: Homography) -> Homography | None:
     """From the guess through ever smaller thresholds (graduated non-convexity), for a guess that is a few px off."""
     H: Homography | None = guess
-    for factor in (64.0, 16.0, 4.0, 1.0):
-        H = None if H is None else problem.polish(kernel, H, factor * problem.threshold_px)
+    for factor in _NARROWING:
+        H = None if H is None else problem.polish(kernel, H, factor * problem.threshold_px, steps=2)
     return _settle(problem, kernel, H)
 
 
@@ -254,9 +247,9 @@ def _polished_sample(problem: Problem, kernel: Kernel, samples: IdArray) -> Homo
 
 
 def _report(problem: Problem, kernel: Kernel, H: Homography, reach_px: float) -> Fit | None:
-    squared = problem.squared(H, reach_px)
-    inlier = squared < 1
-    covariance = _covariance(problem, gn.weigh(squared, kernel.weight, kernel.beyond) * problem.trust, H)
+    relative = problem.relative(H, reach_px)
+    inlier = relative < 1
+    covariance = _covariance(problem, gn.weigh(relative, kernel.weight, kernel.beyond) * problem.trust, H)
     if covariance is None or not inlier.any():
         return None
     distance = np.sum((problem.pairs.reference_px - apply(H, problem.pairs.current_px)) ** 2, axis=1)

@@ -18,6 +18,7 @@ class StaticFeatures:
 
     def __init__(self, features: int) -> None:
         self._trust = np.ones(features)
+        self._frames = 2  # as if all had agreed in the two frames before the first
 
     @property
     def trust(self) -> FloatArray:
@@ -26,6 +27,7 @@ class StaticFeatures:
 
     def learn(self, pairs: Correspondences, fit: Fit, in_view: BoolArray) -> None:
         """Move the trust of all features that should be visible towards whether they agreed with the accepted fit."""
+        self._frames += 1
         agreed = np.zeros(len(self._trust))
         agreed[pairs.feature_id[fit.inlier]] = 1.0
-        self._trust[in_view] += _RATE * (agreed - self._trust)[in_view]
+        self._trust[in_view] += max(_RATE, 1 / self._frames) * (agreed - self._trust)[in_view]

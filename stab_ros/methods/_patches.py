@@ -22,6 +22,7 @@ from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, IdArray
 
 _BORDER = 3  # px that the gradient and the interpolation reach beyond the patch
 _SMOOTHING_PX = 1.6  # of the test function; both pictures smoothed by 1.1
+_AHEAD = 256  # px, more than any sample lies before its patch centre
 _QUANTISATION = 1.0 / 12  # variance of rounding to whole grey levels
 
 
@@ -106,7 +107,7 @@ def cut(gray: Gray, centres: IdArray, radius: int) -> Patches:
     pull = -np.einsum("nab,bnij->anij", np.linalg.inv(response[usable]), test[:, usable])
     precision = np.linalg.inv(np.einsum("anij,bnij->nab", pull, pull))
     return Patches(centres[usable], radius, template[usable].astype(np.float32), power[usable],
-                   pull.astype(np.float32), precision)
+                   np.ascontiguousarray(pull, np.float32), precision)
 
 
 def _without_brightness(images: FloatArray, template: FloatArray, power: FloatArray) -> FloatArray:
@@ -152,8 +153,7 @@ def _measure(gray: Gray, H: Homography, chosen: IdArray, centres: IdArray, radiu
              displacement: FloatArray, correlation: FloatArray, information: FloatArray) -> None:
     """Fill the last three arrays; a patch that is not wholly inside the picture, or flat there, stays at zero."""
     height, width = gray.shape
-    side = 2 * radius + 1
-    count = np.float32(side * side)
+    count = (2 * radius + 1) ** 2
     for i in numba.prange(len(chosen)):
         p = chosen[i]
         cx, cy = float(centres[p, 0]), float(centres[p, 1])
@@ -167,21 +167,9 @@ def _measure(gray: Gray, H: Homography, chosen: IdArray, centres: IdArray, radiu
         reach_x, reach_y = radius * (abs(xx) + abs(xy)), radius * (abs(yx) + abs(yy))
         if not (px - reach_x >= 1 and py - reach_y >= 1 and px + reach_x < width - 3 and py + reach_y < height - 3):
             continue
-        total, square, along = np.float32(0), np.float32(0), np.float32(0)
-        pull_x, pull_y = np.float32(0), np.float32(0)
-        for row in range(side):
-            x0 = px + xy * (row - radius) - xx * radius
-            y0 = py + yy * (row - radius) - yx * radius
-            for column in range(side):
-                x, y = x0 + xx * column, y0 + yx * column
-                ix, iy = int(x), int(y)
-                fx, fy = np.float32(x - ix), np.float32(y - iy)
-                value = _linear(gray, ix, iy, fx, fy)
-                total += value
-                square += value * value
-                along += template[p, row, column] * value
-                pull_x += pull[0, p, row, column] * value
-                pull_y += pull[1, p, row, column] * value
+        values = np.empty(count, np.float32)
+        _sample(gray, px, py, xx, xy, yx, yy, radius, values)
+        total, square, along, pull_x, pull_y = _sums(values, template[p].ravel(), pull[0, p].ravel(), pull[1, p].ravel())
         variance = square - total * total / count
         if variance <= 0 or along <= 0:
             continue
@@ -194,8 +182,44 @@ def _measure(gray: Gray, H: Homography, chosen: IdArray, centres: IdArray, radiu
                 information[i, a, b] = precision[p, a, b] * gain * gain / noise
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True, inline="always")
-def _linear(gray: Gray, x: int, y: int, fx: np.float32, fy: np.float32) -> Any:
-    top = gray[y, x] + fx * (np.float32(gray[y, x + 1]) - np.float32(gray[y, x]))
-    bottom = gray[y + 1, x] + fx * (np.float32(gray[y + 1, x + 1]) - np.float32(gray[y + 1, x]))
-    return top + fy * (bottom - top)
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def _sample(gray: Gray, px: float, py: float, xx: float, xy: float, yx: float, yy: float, radius: int,
+            values: FloatArray) -> None:
+    """Bilinear samples on the grid of a patch about (px, py), which the affine part maps into the picture.
+
+    Places first, then values: each loop runs in SIMD registers, together they would not.
+    """
+    count = len(values)
+    place, fx, fy = np.empty(count, np.int32), np.empty(count, np.float32), np.empty(count, np.float32)
+    width, base_x, base_y = gray.shape[1], int(px) - _AHEAD, int(py) - _AHEAD
+    start_x, start_y = np.float32(px - base_x), np.float32(py - base_y)
+    step_xx, step_xy, step_yx, step_yy = np.float32(xx), np.float32(xy), np.float32(yx), np.float32(yy)
+    k = 0
+    for row in range(-radius, radius + 1):
+        for column in range(-radius, radius + 1):
+            x = start_x + step_xx * np.float32(column) + step_xy * np.float32(row)
+            y = start_y + step_yx * np.float32(column) + step_yy * np.float32(row)
+            whole_x, whole_y = np.int32(x), np.int32(y)  # positive thanks to _AHEAD, so this is the floor
+            place[k] = whole_y * width + whole_x
+            fx[k], fy[k] = x - np.float32(whole_x), y - np.float32(whole_y)
+            k += 1
+    pixels, origin = gray.ravel(), base_y * width + base_x
+    for k in range(count):
+        at = origin + place[k]
+        first, second = np.float32(pixels[at]), np.float32(pixels[at + 1])
+        third, fourth = np.float32(pixels[at + width]), np.float32(pixels[at + width + 1])
+        top, bottom = first + fx[k] * (second - first), third + fx[k] * (fourth - third)
+        values[k] = top + fy[k] * (bottom - top)
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def _sums(values: FloatArray, template: FloatArray, pull_x: FloatArray, pull_y: FloatArray) -> Any:
+    """Sums of the values, their squares, and their products with the template and both pulls."""
+    total, square, along, along_x, along_y = (np.float32(0), np.float32(0), np.float32(0), np.float32(0), np.float32(0))
+    for k in range(len(values)):
+        total += values[k]
+        square += values[k] * values[k]
+        along += template[k] * values[k]
+        along_x += pull_x[k] * values[k]
+        along_y += pull_y[k] * values[k]
+    return total, square, along, along_x, along_y
