@@ -13,7 +13,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from stab_ros.core.types import FloatArray, Homography
+from stab_ros.core.types import BoolArray, FloatArray, Homography
 
 _SINGULAR = 1e-10  # of the pivots of a matrix with a unit diagonal
 
@@ -69,6 +69,36 @@ def least_loss(candidates: FloatArray, reference: FloatArray, current: FloatArra
         if total < least:
             best, least = m, total
     return best, least / octaves
+
+
+@numba.njit(cache=True, nogil=True)
+def typical_residual(H: Homography, reference: FloatArray, current: FloatArray, shape: FloatArray,
+                     chosen: BoolArray) -> float:
+    """Median residual of the chosen features, px; infinite where there are none."""
+    squared = squared_residuals(H, reference, current, shape)[chosen]
+    return np.sqrt(np.median(squared)) if len(squared) else np.inf
+
+
+@numba.njit(cache=True, nogil=True)
+def variances_along(H: Homography, reference: FloatArray, current: FloatArray, information: FloatArray,
+                    chosen: BoolArray) -> tuple[float, float]:
+    """Robust variance of the residuals of the chosen features, and the one they claim, px^2.
+
+    Each along its feature's best determined direction, over the more certain half of the features.
+    """
+    which = np.flatnonzero(chosen)
+    along, claimed = np.empty(len(which)), np.empty(len(which))
+    for k in range(len(which)):
+        i = which[k]
+        xx, xy, yy = information[i, 0, 0], information[i, 0, 1], information[i, 1, 1]
+        angle = np.arctan2(2 * xy, xx - yy) / 2
+        w = H[2, 0] * current[i, 0] + H[2, 1] * current[i, 1] + H[2, 2]
+        ex = reference[i, 0] - (H[0, 0] * current[i, 0] + H[0, 1] * current[i, 1] + H[0, 2]) / w
+        ey = reference[i, 1] - (H[1, 0] * current[i, 0] + H[1, 1] * current[i, 1] + H[1, 2]) / w
+        along[k] = abs(ex * np.cos(angle) + ey * np.sin(angle))
+        claimed[k] = 1 / ((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))
+    certain = claimed <= np.median(claimed)
+    return (1.4826 * np.median(along[certain])) ** 2, np.median(claimed[certain])
 
 
 @numba.njit(cache=True, nogil=True)

@@ -32,10 +32,9 @@ _POLISH = 10
 _CONVERGED_PX = 1e-3
 _OCTAVES = 4
 _LEVEL = 0.2  # of the threshold: features more certain than this count alike in the search
-_NARROWING = (64.0, 16.0, 4.0, 1.0)  # thresholds on the way from a guess
 _SETTLING = 2
 _SIGMAS = 3.0  # of a feature's own noise that are no disagreement
-_MAJORITY = 0.6
+_MAJORITY = 0.8
 _TABLE = 4096  # steps of r^2 / threshold^2
 _TRUSTED = 0.5  # samples are drawn among features trusted more
 _SEED = 20201020
@@ -116,12 +115,19 @@ class Problem:
         chosen = (self.relative(H, self.threshold_px) < 1) & (self.trust > _TRUSTED)
         if not chosen.any():
             return 0.0
-        chosen &= self.noise <= np.median(self.noise[chosen])
-        information = self.pairs.information[chosen]
-        angle = np.arctan2(2 * information[:, 0, 1], information[:, 0, 0] - information[:, 1, 1]) / 2
-        error = self.pairs.reference_px[chosen] - apply(H, self.pairs.current_px[chosen])
-        spread = 1.4826 * float(np.median(np.abs(error[:, 0] * np.cos(angle) + error[:, 1] * np.sin(angle))))
-        return math.sqrt(max(0.0, spread**2 - float(np.median(self.noise[chosen])) / _SIGMAS**2))
+        pairs = self.pairs
+        variance, claimed = gn.variances_along(H, pairs.reference_px, pairs.current_px, pairs.information, chosen)
+        return math.sqrt(max(0.0, variance - claimed))
+
+    def typical_px(self, H: Homography) -> float:
+        """Median residual of the trusted features, px; infinite where there are none."""
+        pairs = self.pairs
+        return float(gn.typical_residual(H, pairs.reference_px, pairs.current_px, self.shape, self.trust > _TRUSTED))
+
+    def agreeing(self, H: Homography) -> float:
+        """Share of the trust that lies close to H: within a quarter of the threshold, and its own noise."""
+        close = self.relative(H, self.threshold_px / 4) < 1
+        return float(self.trust[close].sum() / max(self.trust.sum(), 1e-9))
 
     def reach_px(self, kernel: Kernel, H: Homography) -> float:
         """How far from H a feature without noise still counts: four times the relief, at most the threshold."""
@@ -188,6 +194,8 @@ def _search(problem: Problem, kernel: Kernel, guess: Homography) -> Homography |
         return problem.polish(kernel, guess, problem.threshold_px)
     best = _narrow_down(problem, kernel, guess)
     least = math.inf if best is None else problem.least_loss(kernel, best[None])[1]
+    if best is not None and problem.agreeing(best) > _MAJORITY:
+        return best  # no other plane can have more
     drawn = 0
     for samples in _samples(problem):
         if drawn >= _samples_needed(problem, least):
@@ -203,8 +211,10 @@ def _search(problem: Problem, kernel: Kernel, guess: Homography) -> Homography |
 def _narrow_down(problem: Problem, kernel: Kernel, guess: Homography) -> Homography | None:
     """From the guess through ever smaller thresholds (graduated non-convexity), for a guess that is a few px off."""
     H: Homography | None = guess
-    for factor in _NARROWING:
-        H = None if H is None else problem.polish(kernel, H, factor * problem.threshold_px, steps=2)
+    reach_px = 3 * problem.typical_px(guess)
+    while problem.threshold_px < reach_px < math.inf and H is not None:
+        H = problem.polish(kernel, H, reach_px, steps=2)
+        reach_px /= 4
     return _settle(problem, kernel, H)
 
 
@@ -227,14 +237,8 @@ def _samples(problem: Problem) -> Iterator[IdArray]:
 
 
 def _samples_needed(problem: Problem, loss: float) -> float:
-    """Until one sample without an outlier was drawn with _CONFIDENCE; `loss` stands for the share of outliers.
-
-    None where a clear majority agrees closely: no other can then.
-    """
-    agreeing = 1.0 - loss / float(problem.trust.sum())
-    if agreeing > _MAJORITY:
-        return 0.0
-    clean = max(1e-3, agreeing) ** minimal_points(problem.basis.model)
+    """Until one sample without an outlier was drawn with _CONFIDENCE; `loss` stands for the share of outliers."""
+    clean = min(max(1e-3, 1.0 - loss / float(problem.trust.sum())), 1 - 1e-9) ** minimal_points(problem.basis.model)
     return math.log(1 - _CONFIDENCE) / math.log(1 - clean)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from stab_ros.core.types import BoolArray, FloatArray, Homography
@@ -20,10 +22,13 @@ def apply(H: Homography, points: FloatArray) -> FloatArray:
     return np.asarray(mapped[:, :2] / mapped[:, 2:])
 
 
+@functools.cache
 def grid(size: tuple[int, int]) -> FloatArray:
     """The contract's 81 frame pixels, (81, 2), for a frame of `size` (width, height)."""
     x, y = np.meshgrid(np.linspace(0, size[0] - 1, GRID), np.linspace(0, size[1] - 1, GRID))
-    return np.stack([x.ravel(), y.ravel()], axis=1)
+    points = np.stack([x.ravel(), y.ravel()], axis=1)
+    points.flags.writeable = False  # shared by all who ask for this size
+    return points
 
 
 def rms_distance(H_a: Homography, H_b: Homography, size: tuple[int, int]) -> float:

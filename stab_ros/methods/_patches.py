@@ -23,6 +23,7 @@ from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, IdArray
 _BORDER = 3  # px that the gradient and the interpolation reach beyond the patch
 _SMOOTHING_PX = 1.6  # of the test function; both pictures smoothed by 1.1
 _AHEAD = 256  # px, more than any sample lies before its patch centre
+_NEARLY_SHIFTED_PX = 0.12  # turned and stretched by less at its edge, a patch is sampled as if only shifted
 _QUANTISATION = 1.0 / 12  # variance of rounding to whole grey levels
 
 
@@ -33,6 +34,8 @@ class Patches:
     template: (N, s, s) float32, zero mean. power: (N,) sum of template^2.
     pull: (2, N, s, s) float32, orthogonal to a constant and to the template: the sum of pull and picture is the
     displacement in px. precision: (N, 2, 2) inverse of the sum of pull pull^T: information at unit noise.
+    lever: (N, 2, 4) displacement that a picture deformed by u(x) = M x about the centre seems to have, by mxx, mxy, myx
+    and myy.
     """
 
     centres: IdArray
@@ -41,6 +44,7 @@ class Patches:
     power: FloatArray
     pull: FloatArray
     precision: FloatArray
+    lever: FloatArray
 
     def __len__(self) -> int:
         return len(self.centres)
@@ -106,8 +110,11 @@ def cut(gray: Gray, centres: IdArray, radius: int) -> Patches:
     usable = np.abs(np.linalg.det(response)) > 1e-6 * response[:, 0, 0] * response[:, 1, 1]
     pull = -np.einsum("nab,bnij->anij", np.linalg.inv(response[usable]), test[:, usable])
     precision = np.linalg.inv(np.einsum("anij,bnij->nab", pull, pull))
+    along = np.arange(-radius, radius + 1.0)
+    moments = np.stack([gradient[:, usable] * along, gradient[:, usable] * along[:, None]], axis=1)  # by x and by y
+    lever = -np.einsum("anij,dmnij->nadm", pull, moments).reshape(-1, 2, 4)
     return Patches(centres[usable], radius, template[usable].astype(np.float32), power[usable],
-                   np.ascontiguousarray(pull, np.float32), precision)
+                   np.ascontiguousarray(pull, np.float32), precision, lever)
 
 
 def _without_brightness(images: FloatArray, template: FloatArray, power: FloatArray) -> FloatArray:
@@ -143,18 +150,18 @@ def measure(patches: Patches, chosen: IdArray, gray: Gray, cur_H_ref: Homography
     n = len(chosen)
     measured = Measured(chosen, np.zeros((n, 2)), np.zeros(n), np.zeros((n, 2, 2)))
     _measure(gray, cur_H_ref, chosen, patches.centres, patches.radius, patches.template, patches.power, patches.pull,
-             patches.precision, measured.displacement, measured.correlation, measured.information)
+             patches.precision, patches.lever, measured.displacement, measured.correlation, measured.information)
     return measured
 
 
-@numba.njit(cache=True, nogil=True, parallel=True, fastmath=True)
+@numba.njit(cache=True, nogil=True, fastmath=True)
 def _measure(gray: Gray, H: Homography, chosen: IdArray, centres: IdArray, radius: int, template: FloatArray,
-             power: FloatArray, pull: FloatArray, precision: FloatArray,
+             power: FloatArray, pull: FloatArray, precision: FloatArray, lever: FloatArray,
              displacement: FloatArray, correlation: FloatArray, information: FloatArray) -> None:
     """Fill the last three arrays; a patch that is not wholly inside the picture, or flat there, stays at zero."""
     height, width = gray.shape
     count = (2 * radius + 1) ** 2
-    for i in numba.prange(len(chosen)):
+    for i in range(len(chosen)):
         p = chosen[i]
         cx, cy = float(centres[p, 0]), float(centres[p, 1])
         w = H[2, 0] * cx + H[2, 1] * cy + H[2, 2]
@@ -167,8 +174,14 @@ def _measure(gray: Gray, H: Homography, chosen: IdArray, centres: IdArray, radiu
         reach_x, reach_y = radius * (abs(xx) + abs(xy)), radius * (abs(yx) + abs(yy))
         if not (px - reach_x >= 1 and py - reach_y >= 1 and px + reach_x < width - 3 and py + reach_y < height - 3):
             continue
+        det = xx * yy - xy * yx
+        bend = np.array([1 - yy / det, xy / det, yx / det, 1 - xx / det])  # 1 - A^-1, A the derivative
+        nearly_shifted = np.max(np.abs(bend)) * radius < _NEARLY_SHIFTED_PX
         values = np.empty(count, np.float32)
-        _sample(gray, px, py, xx, xy, yx, yy, radius, values)
+        if nearly_shifted:
+            _sample_shifted(gray, px, py, radius, values)
+        else:
+            _sample(gray, px, py, xx, xy, yx, yy, radius, values)
         total, square, along, pull_x, pull_y = _sums(values, template[p].ravel(), pull[0, p].ravel(), pull[1, p].ravel())
         variance = square - total * total / count
         if variance <= 0 or along <= 0:
@@ -176,6 +189,10 @@ def _measure(gray: Gray, H: Homography, chosen: IdArray, centres: IdArray, radiu
         gain = along / power[p]
         noise = max(variance - along * gain, 0.0) / (count - 2) + _QUANTISATION
         displacement[i, 0], displacement[i, 1] = pull_x / gain, pull_y / gain
+        if nearly_shifted:
+            for a in range(2):
+                for m in range(4):
+                    displacement[i, a] -= lever[p, a, m] * bend[m]
         correlation[i] = along / np.sqrt(variance * power[p])
         for a in range(2):
             for b in range(2):
@@ -210,6 +227,20 @@ def _sample(gray: Gray, px: float, py: float, xx: float, xy: float, yx: float, y
         third, fourth = np.float32(pixels[at + width]), np.float32(pixels[at + width + 1])
         top, bottom = first + fx[k] * (second - first), third + fx[k] * (fourth - third)
         values[k] = top + fy[k] * (bottom - top)
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def _sample_shifted(gray: Gray, px: float, py: float, radius: int, values: FloatArray) -> None:
+    """Bilinear samples of a patch about (px, py) that is only shifted: one set of weights, contiguous loads."""
+    column, row, side = int(px) - radius, int(py) - radius, 2 * radius + 1
+    fx, fy = np.float32(px - int(px)), np.float32(py - int(py))
+    one = np.float32(1)
+    first, second, third, fourth = (one - fx) * (one - fy), fx * (one - fy), (one - fx) * fy, fx * fy
+    for i in range(side):
+        upper, lower, out = gray[row + i], gray[row + i + 1], values[i * side : (i + 1) * side]
+        for j in range(side):
+            c = column + j
+            out[j] = first * upper[c] + second * upper[c + 1] + third * lower[c] + fourth * lower[c + 1]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)

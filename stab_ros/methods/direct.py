@@ -46,16 +46,21 @@ _FINE = Steps(4, "projective", 0.5, 0.01)
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """One coarser level of the pyramid. covers: (N, features), which full-resolution patches lie in each of its own."""
+    """One coarser level of the pyramid.
+
+    covers: (pairs, 2) a patch of its own, and a full-resolution patch whose centre lies in it.
+    """
 
     patches: Patches
     scale: Homography
-    covers: FloatArray
+    covers: IdArray
 
     def trust(self, fine: FloatArray) -> FloatArray:
         """(N,) mean trust of what each patch covers; 1 where that is nothing."""
-        known = self.covers.sum(axis=1)
-        return np.where(known > 0, self.covers @ fine / np.maximum(known, 1), 1.0)
+        own, covered = self.covers.T
+        count = np.bincount(own, minlength=len(self.patches))
+        total = np.bincount(own, fine[covered], minlength=len(self.patches))
+        return np.where(count > 0, total / np.maximum(count, 1), 1.0)
 
 
 @dataclass(frozen=True)
@@ -91,8 +96,9 @@ class Direct:
         small = cv2.resize(allowed.astype(np.uint8), gray.shape[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
         centres = _patches.choose(gray, small, _COARSE_PATCHES, radius, self._config.min_texture)
         scale = level_scale(level)
-        apart = np.abs(apply(scale, self.reference_px)[None] - centres[:, None]).max(axis=2, initial=0)
-        return Level(_patches.cut(gray, centres, radius), scale, (apart <= radius).astype(np.float64))
+        patches = _patches.cut(gray, centres, radius)
+        apart = np.abs(apply(scale, self.reference_px)[None] - patches.centres[:, None]).max(axis=2, initial=0)
+        return Level(patches, scale, np.argwhere(apart <= radius))
 
     def match(self, current: Gray, guess: Homography, trust: FloatArray) -> Correspondences:
         H = guess
