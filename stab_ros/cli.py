@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from stab_ros.core.errors import InputError, StabRosError
-from stab_ros.options import Parser, assignment, positive_float, positive_int
+from stab_ros.options import Parser, assignment, positive_float, positive_int, seconds
 
 DONE, BROKEN_OFF, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 _STDERR = 2
@@ -124,7 +124,7 @@ def _add_play(commands: Any) -> None:
     parser.add_argument("bag", type=Path)
     parser.add_argument("--rate", type=positive_float, help="times real time")
     parser.add_argument("--loop", action="store_true", default=None, help="start again at the end")
-    parser.add_argument("--start-offset", type=positive_float, metavar="S", help="skip the first S seconds")
+    parser.add_argument("--start-offset", type=seconds, metavar="S", help="skip the first S seconds")
     parser.add_argument("--clock", action="store_true", default=None, help="publish /clock")
     parser.add_argument("--wait-for-subscribers", type=positive_int, metavar="N", help="begin once N have come")
     parser.set_defaults(run=_play)

@@ -31,6 +31,14 @@ def positive_float(text: str) -> float:
     return number
 
 
+def seconds(text: str) -> float:
+    """For argparse: a finite number, 0 or above."""
+    number = _number(text)
+    if number is None or not 0 <= number < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} must be a number of seconds, 0 or above")
+    return number
+
+
 def assignment(text: str) -> tuple[str, object]:
     """`name:=value`, as ROS reads it: the value is a YAML scalar; anything else is taken as it stands, a string."""
     name, separator, value = text.partition(":=")

@@ -127,13 +127,13 @@ class Problem:
     def agreeing(self, H: Homography) -> float:
         """Share of the trust that lies close to H: within a quarter of the threshold, and its own noise."""
         close = self.relative(H, self.threshold_px / 4) < 1
-        return float(self.trust[close].sum() / max(self.trust.sum(), 1e-9))
+        return float(np.sum(self.trust[close])) / max(float(np.sum(self.trust)), 1e-9)
 
     def reach_px(self, kernel: Kernel, H: Homography) -> float:
         """How far from H a feature without noise still counts: four times the relief, at most the threshold."""
         if not kernel.robust:
             return self.threshold_px
-        return min(max(4 * self.relief_px(H), self.threshold_px / 2 ** (_OCTAVES - 1)), self.threshold_px)
+        return min(max(4 * self.relief_px(H), self.threshold_px * 0.5 ** (_OCTAVES - 1)), self.threshold_px)
 
     def least_loss(self, kernel: Kernel, candidates: FloatArray) -> tuple[int, float]:
         """The best of (M, 3, 3) candidates (-1: there are none) and its loss."""

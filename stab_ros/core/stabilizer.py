@@ -5,6 +5,7 @@ Live and offline call the same `Stabilizer`: the answer depends on the frames al
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import apply, inside, is_plausible, sigma_px
 from stab_ros.core.gray import depth_scale, to_gray
 from stab_ros.core.models import MODELS
+from stab_ros.core.overview import Overview
 from stab_ros.core.reference import Motion, Reference, is_textured
 from stab_ros.core.region import Area
 from stab_ros.core.static_features import StaticFeatures
@@ -81,7 +83,7 @@ class Stabilizer:
         gray = self._gray(frame)
         if self._reference is None or self._reference.gray.shape != gray.shape:
             return self._start(index, frame, gray)
-        for guess in (self._motion.predict(frame.stamp_ns), self._motion.last):  # the camera may have stopped or turned
+        for guess in self._guesses(gray, frame.stamp_ns):
             pairs, fit = self._align(gray, guess)
             if fit is not None and self._accepts(fit, frame.size):
                 self._motion = self._motion.then(fit.ref_H_cur, frame.stamp_ns)
@@ -158,10 +160,17 @@ class Stabilizer:
         """All that depends on the reference alone."""
         kind = METHODS[config.method]
         self._method: Method = kind(reference.gray, allowed, config.method_config or kind.Config())
+        self._overview = Overview(reference.gray)
         self._features = StaticFeatures(len(self._method.reference_px))
         self._last_match: tuple[Correspondences, Fit | None] | None = None
         self._allowed = allowed
         self._reference = reference
+
+    def _guesses(self, gray: Gray, stamp_ns: int) -> Iterator[Homography]:
+        """Where the frame may lie: going on as before, or having stopped, or wherever it has jumped to."""
+        yield self._motion.predict(stamp_ns)
+        yield self._motion.last
+        yield self._overview.corrected(gray, self._motion.last)
 
     def _align(self, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
         """Match and fit from a guess."""

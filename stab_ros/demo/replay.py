@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -19,7 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import CameraInfo
 from tqdm import tqdm
 
-from stab_ros.core.errors import InputError, WorkError
+from stab_ros.core.errors import WorkError
 
 HOMOGRAPHY, TRACK, STABILIZED = "/camera/homography", "/camera/track", "/camera/image_stabilized"
 _PASSED_ON = ("/camera/camera_info", "/gps/fix")
@@ -32,18 +32,18 @@ def replay(recording: Path, output: Path, log: Path, frames: int) -> None:
     """Plays `recording`, tracks its `frames` images, records the answers to `output`; what the nodes say goes to `log`.
 
     Raises:
-        InputError: the nodes are not installed. WorkError: one failed, or the answers stopped coming.
+        WorkError: a node failed, or the answers stopped coming.
     """
     _prepare(log)
-    topics = ",".join((HOMOGRAPHY, TRACK, STABILIZED, *_PASSED_ON))
+    topics = [HOMOGRAPHY, TRACK, STABILIZED, *_PASSED_ON]
     with ExitStack() as stack:
         recorder = stack.enter_context(
-            _node("bag_recorder_node", log, {"output": output, "overwrite": "true", "topics": f"[{topics}]"}))
+            _node("bag_recorder_node", log, {"output": str(output), "overwrite": True, "topics": topics}))
         tracker = stack.enter_context(_node("tracker_node", log, {
             "image_transport": "compressed", "queue_depth": 0, "wait_for_subscribers": 2,
         }, "__ns:=/camera", "~/track:=track"))
         answers = stack.enter_context(_Answers.subscribed())
-        player = stack.enter_context(_node("bag_player_node", log, {"bag": recording, "wait_for_subscribers": 1}))
+        player = stack.enter_context(_node("bag_player_node", log, {"bag": str(recording), "wait_for_subscribers": 1}))
         answers.wait_for(frames, (recorder, tracker, player))
         for node in (player, recorder, tracker):  # the tracker last: its last picture may be on the way to the recorder
             node.end()
@@ -86,15 +86,12 @@ class _Node:
 
 @contextmanager
 def _node(name: str, log: Path, parameters: Mapping[str, object], *remaps: str) -> Iterator[_Node]:
-    """Starts the executable that was installed beside this Python; in a session of its own, as Ctrl-C is for us."""
-    executable = shutil.which(name, path=Path(sys.executable).parent)
-    if executable is None:
-        raise InputError(f"{name} is not installed beside {sys.executable}, it must be: make install")
-    words = [executable, "--ros-args"]
+    """Starts what the executable of this name runs; in a session of its own, as Ctrl-C is for us."""
+    words = [sys.executable, "-m", f"stab_ros.nodes.{name.removesuffix('_node')}", "--ros-args"]
     for rule in remaps:
         words += ["-r", rule]
     for key, value in parameters.items():
-        words += ["-p", f"{key}:={value}"]
+        words += ["-p", f"{key}:={json.dumps(value)}"]
     said = log / f"{name}.txt"
     with said.open("wb") as output:
         process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,

@@ -43,7 +43,7 @@ class BagWriter:
         self._chunk_since = time.monotonic()
         self._file = _open(path, self.partial, overwrite)
         self._sound_end = 0
-        # Not compressed: on camera pictures lz4 saves 0 to 20 % and takes 0.6 to 2.4 ms/MB, zstd 7 to 40 % and 1.5 to
+        # Not compressed: on camera pictures lz4 saves 0 to 23 % and takes 0.6 to 2.4 ms/MB, zstd 7 to 40 % and 1.5 to
         # 7 ms/MB, where writing takes 0.3 to 1 ms/MB: a 4K frame would cost a third of its time at 25 Hz.
         stream = cast(IO[bytes], _Stream(self._file))  # has the three methods that Writer uses
         self._writer = Writer(stream, chunk_size=_NEVER, compression=CompressionType.NONE)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import yaml
@@ -16,6 +16,8 @@ from stab_ros.io.regions import read_area
 
 # beginnings of what the node alone reads: the same file serves `--params-file` and `--config`
 _OF_THE_NODE = ("queue_depth", "image_transport", "wait_for_subscribers", "stale_s", "use_sim_time", "qos_overrides.")
+
+_OURS = ("/**", "/*", "/tracker_node")
 
 
 def make_stabilizer(values: Mapping[str, Value], camera: Camera | None = None) -> Stabilizer:
@@ -40,20 +42,33 @@ def read_config(path: Path) -> dict[str, Value]:
     """The tracker's parameters in a ROS parameter file: every `ros__parameters` under `/**` or a tracker's name.
 
     Raises:
-        InputError: the file is missing or no ROS parameter file, or a parameter in it is wrong.
+        InputError: the file is missing, no ROS parameter file or for other nodes, or a parameter in it is wrong.
     """
     try:
         document = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         reason = " ".join(str(error).split())
         raise InputError(f"{path}: not a readable YAML file ({reason})") from error
-    if not isinstance(document, dict) or not all(isinstance(node, dict) for node in document.values()):
+    nodes = list(_nodes(document))
+    if not nodes:
         raise InputError(f"{path}: not a ROS parameter file, it must hold '/**: ros__parameters: name: value'")
+    ours = [parameters for name, parameters in nodes if name.endswith(_OURS)]
+    if not ours:
+        named = ", ".join(name for name, _ in nodes)
+        raise InputError(f"{path}: holds parameters of {named}, it must hold some of /** or of a tracker_node")
     found: dict[str, object] = {}
-    for name, node in document.items():
-        if str(name).rsplit("/", 1)[-1] in ("**", "*", "tracker_node"):
-            found.update(_flat(path, node.get("ros__parameters")))
+    for parameters in ours:
+        found.update(_flat(path, parameters))
     return checked_values({name: value for name, value in found.items() if not name.startswith(_OF_THE_NODE)})
+
+
+def _nodes(tree: object, name: str = "") -> Iterator[tuple[str, object]]:
+    """Full name and `ros__parameters` of every node; namespaces may be part of a key or nest."""
+    for key, value in tree.items() if isinstance(tree, dict) else ():
+        if key == "ros__parameters":
+            yield name, value
+        else:
+            yield from _nodes(value, f"{name}/{key}".replace("//", "/"))
 
 
 def _flat(path: Path, tree: object, prefix: str = "") -> dict[str, object]:

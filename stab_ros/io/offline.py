@@ -11,6 +11,7 @@ from pathlib import Path
 from stab_ros.core.camera import Camera
 from stab_ros.core.config import Value
 from stab_ros.core.parameters import PARAMETERS
+from stab_ros.core.types import Frame
 from stab_ros.io.bag import BagWriter
 from stab_ros.io.engine import make_stabilizer
 from stab_ros.io.homographies import HomographyWriter
@@ -70,7 +71,8 @@ def stabilize(job: Job, progress: Progress) -> Summary:
         total = expected(source.count, job.limit)
         with _open_outputs(job, source, camera) as outputs:
             counts = run(source.items(job.limit), stabilizer, outputs, lambda done: progress(done, total))
-        warnings = (*_replaced(source, outputs.bag.replaced), *source.warnings, *_undecodable(source, counts))
+        warnings = (*_replaced(source, outputs.bag.replaced), *source.warnings, *_unused(source, counts),
+                    *_without_reference(source, stabilizer.reference))
     return Summary(counts.frames, counts.tracked, time.monotonic() - started_s, warnings)
 
 
@@ -107,8 +109,15 @@ def _replaced(source: Source, topics: list[str]) -> list[str]:
     return [f"{source.name}: its own {', '.join(topics)} gave way to the new ones of the same name"] if topics else []
 
 
-def _undecodable(source: Source, counts: Counts) -> list[str]:
-    if not counts.unreadable:
+def _unused(source: Source, counts: Counts) -> list[str]:
+    if not counts.unused:
         return []
-    return [f"{source.name}: {counts.unreadable} of {counts.frames} images of {source.image_topic} cannot be decoded "
+    return [f"{source.name}: {counts.unused} of {counts.frames} images of {source.image_topic} cannot be used "
             f"and count as lost; the first: {counts.problem}"]
+
+
+def _without_reference(source: Source, reference: Frame | None) -> list[str]:
+    if reference is not None:
+        return []
+    return [f"{source.name}: not one image of {source.image_topic} could become the reference, so all are lost; "
+            "it must show some texture (all are flat, black or below 64x64 px)"]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.stabilizer import Stabilizer
 from stab_ros.core.types import Frame, Image, State, Track
 from stab_ros.io.bag import Message
@@ -52,18 +53,18 @@ class Outputs:
 
 @dataclass
 class Counts:
-    """What has been written. unreadable: pictures that cannot be decoded; `problem` is that of the first."""
+    """What has been written. unused: pictures that cannot be decoded or tracked; `problem` is that of the first."""
 
     frames: int = 0
     tracked: int = 0
-    unreadable: int = 0
+    unused: int = 0
     problem: str = ""
 
     def add(self, result: Result) -> None:
         self.frames += 1
         self.tracked += result.track.tracked
         if not isinstance(result.picture.decoded, Frame):
-            self.unreadable += 1
+            self.unused += 1
             self.problem = self.problem or str(result.picture.decoded)
 
 
@@ -89,7 +90,7 @@ def run(items: Iterable[Picture | Message], stabilizer: Stabilizer, outputs: Out
 
 
 class _Tracker:
-    """The stabilizer over pictures, of which some cannot be decoded: those are lost, and counted as frames."""
+    """The stabilizer over pictures, of which some cannot be used: those are lost, and counted as frames."""
 
     def __init__(self, stabilizer: Stabilizer, need_image: bool) -> None:
         self._stabilizer = stabilizer
@@ -97,17 +98,24 @@ class _Tracker:
         self._number = -1
 
     def step(self, picture: Picture) -> Result:
+        """Raises InputError if what the user gave does not fit the first reference; later that is a picture lost."""
         self._number += 1
-        frame, image = picture.decoded, None
-        if isinstance(frame, Frame):
-            track = self._stabilizer.track(frame)
-            image = self._stabilizer.warp(frame, track) if self._need_image else None
-        else:
-            track = self._undecodable(picture)
+        if isinstance(picture.decoded, MessageError):
+            return self._result(picture, self._lost(picture), None)
+        try:
+            track = self._stabilizer.track(picture.decoded)
+        except InputError as error:
+            if self._stabilizer.reference is None:
+                raise
+            return self._result(replace(picture, decoded=MessageError(str(error))), self._lost(picture), None)
+        image = self._stabilizer.warp(picture.decoded, track) if self._need_image else None
+        return self._result(picture, track, image)
+
+    def _result(self, picture: Picture, track: Track, image: Image | None) -> Result:
         reference = self._stabilizer.reference
         return Result(self._number, picture, track, image, None if reference is None else reference.size)
 
-    def _undecodable(self, picture: Picture) -> Track:
+    def _lost(self, picture: Picture) -> Track:
         reference = self._stabilizer.reference
         reference_stamp_ns = 0 if reference is None else reference.stamp_ns
         return Track(State.LOST, self._number, picture.stamp_ns, reference_stamp_ns, self._stabilizer.reset_counter)

@@ -81,7 +81,7 @@ class Source(Protocol):
         """Frames per second, from the stamps."""
 
     def camera(self) -> Camera:
-        """The camera that took the pictures. Raises InputError where the input does not say."""
+        """The camera that took the pictures. Raises InputError where the input does not say, or says another size."""
 
 
 @contextmanager
@@ -171,8 +171,21 @@ class BagSource:
         if topic is None or topic.msgtype != CAMERA_INFO:
             raise InputError(f"{self.name}: use_camera_info needs a topic {name} of type {CAMERA_INFO}, there is none")
         for message in self._reader.messages([name]):
-            return read_camera(message.data)
+            return self._fitting(name, message)
         raise InputError(f"{self.name}: use_camera_info needs a message on {name}, there is none")
+
+    def _fitting(self, name: str, message: Message) -> Camera:
+        """The camera in a message of topic `name`, which must have the size of the first readable picture."""
+        try:
+            camera = read_camera(message.data)
+        except InputError as error:
+            raise InputError(f"{self.name}: {name} cannot be used: {error}") from error
+        sizes = (picture.decoded.size for picture in self.frames() if isinstance(picture.decoded, Frame))
+        size = next(sizes, camera.size)
+        if size != camera.size:
+            raise InputError("{}: {} is for {}x{} px, the images of {} have {}x{}; it must be of the same size".format(
+                self.name, name, *camera.size, self.image_topic, *size))
+        return camera
 
     def _item(self, message: Message) -> Picture | Message:
         return self._picture(message) if message.topic == self.image_topic else message

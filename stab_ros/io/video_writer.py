@@ -22,6 +22,8 @@ _TO_BGR = {
 class VideoWriter:
     """An mp4 with one picture for every input frame, as large as the first (MPEG-4 drops an odd last column or row).
 
+    A picture of another size is shrunk or enlarged to fit in, with black bars.
+
     Where there is no picture (a lost frame is dropped) the last one is repeated, so that frame n of the video remains
     frame n of the input; before the first picture it is black.
 
@@ -78,9 +80,21 @@ class VideoWriter:
             self._writer.write(self._shown)
 
     def _show(self, image: Image, encoding: str) -> None:
-        shown = _to_bgr(Frame(image, encoding, stamp_ns=0), self._depth_scale)
-        if shown.shape == self._shown.shape:
-            self._shown = shown
+        height, width = self._shown.shape[:2]
+        self._shown = _fitted(_to_bgr(Frame(image, encoding, stamp_ns=0), self._depth_scale), (width, height))
+
+
+def _fitted(image: Image, size: tuple[int, int]) -> Image:
+    """`image` in the middle of a picture of this width and height."""
+    height, width = image.shape[:2]
+    if (width, height) == size:
+        return image
+    scale = min(size[0] / width, size[1] / height)
+    inner = (max(1, round(width * scale)), max(1, round(height * scale)))
+    left, top = (size[0] - inner[0]) // 2, (size[1] - inner[1]) // 2
+    fitted = np.zeros((size[1], size[0], *image.shape[2:]), image.dtype)
+    fitted[top : top + inner[1], left : left + inner[0]] = cv2.resize(image, inner, interpolation=cv2.INTER_AREA)
+    return fitted
 
 
 def _to_bgr(frame: Frame, scale: float) -> Image:

@@ -182,7 +182,8 @@ def _measure(gray: Gray, H: Homography, chosen: IdArray, centres: IdArray, radiu
             _sample_shifted(gray, px, py, radius, values)
         else:
             _sample(gray, px, py, xx, xy, yx, yy, radius, values)
-        total, square, along, pull_x, pull_y = _sums(values, template[p].ravel(), pull[0, p].ravel(), pull[1, p].ravel())
+        total, square, along, pull_x, pull_y = _sums(values, template[p].ravel(), pull[0, p].ravel(),
+                                                     pull[1, p].ravel())
         variance = square - total * total / count
         if variance <= 0 or along <= 0:
             continue

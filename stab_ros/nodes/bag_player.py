@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 
 from stab_ros.nodes.stopping import StopRequest, node_main, until_stopped
@@ -26,3 +27,7 @@ def _run(stop: StopRequest, given: Mapping[str, object]) -> int:
     from stab_ros.nodes.runtime import run
 
     return run(lambda: BagPlayerNode(given), stop)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

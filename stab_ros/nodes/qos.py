@@ -100,9 +100,10 @@ class AdaptiveSubscription:
         return [info.qos_profile for info in self._node.get_publishers_info_by_topic(self.topic)]
 
     def _subscribe(self) -> Subscription:
+        callback: Any = self._callback  # rclpy's type knows no callback that wants the message info too
         events = SubscriptionEventCallbacks(incompatible_qos=self._note_refusal)
         return self._node.create_subscription(
-            self._msg_class, self.topic, self._callback, self.qos, raw=True, event_callbacks=events)
+            self._msg_class, self.topic, callback, self.qos, raw=True, event_callbacks=events)
 
     def _note_refusal(self, event: Any) -> None:
         self._refused = policy_name(event.last_policy_kind)  # `refresh` first sees whether it can adapt

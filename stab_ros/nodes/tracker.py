@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 from stab_ros.nodes.stopping import StopRequest, node_main
 
 
@@ -15,3 +17,7 @@ def _run(stop: StopRequest) -> int:
     from stab_ros.nodes.tracker_node import TrackerNode
 
     return run(TrackerNode, stop)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
