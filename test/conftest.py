@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -15,6 +16,9 @@ from stab_ros.core.synthetic import Flight, Shot, preset
 SIZE = (480, 270)
 FRAMES = 10
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+
+# A runner in the background (nohup, `&`) ignores SIGINT, and children inherit that; some tests send it to them.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
 

@@ -26,7 +26,6 @@ from sensor_msgs.msg import Image as ImageMessage
 
 from stab_ros.core.types import Gray
 
-MODULES = {"tracker_node": "tracker", "bag_player_node": "bag_player", "bag_recorder_node": "bag_recorder"}
 PATIENCE_S = 90.0  # until a condition must hold, on a machine that has other work to do
 _domains = itertools.count(os.getpid())
 
@@ -35,11 +34,10 @@ class NodeProcess:
     """One of our nodes, running; its output is in a file."""
 
     def __init__(self, name: str, arguments: list[str], environment: Mapping[str, str], log: Path) -> None:
-        start = f"import sys; from stab_ros.nodes.{MODULES[name]} import main; sys.exit(main())"
+        words = [sys.executable, "-m", f"stab_ros.nodes.{name.removesuffix('_node')}", *arguments]
         self._log = log
         with log.open("wb") as output:
-            self.process = subprocess.Popen([sys.executable, "-c", start, *arguments], env=environment, stdout=output,
-                                            stderr=subprocess.STDOUT)
+            self.process = subprocess.Popen(words, env=environment, stdout=output, stderr=subprocess.STDOUT)
 
     @property
     def log(self) -> str:

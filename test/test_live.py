@@ -7,6 +7,7 @@ import signal
 from array import array
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -70,7 +71,10 @@ def test_live_gives_what_the_command_gives(
     same = dict(map(read_homography, messages(offline, "/cam/homography")))
     assert list(live) == list(same) == sent
     for stamp, H in same.items():
-        np.testing.assert_allclose(live[stamp], H, rtol=0, atol=1e-9)
+        other = live[stamp]
+        assert H is not None
+        assert other is not None
+        np.testing.assert_allclose(other, H, rtol=0, atol=1e-9)
     images = messages(recorded, "/cam/image_stabilized")
     assert [read_stamp(data) for data in images] == sent
     assert images == messages(offline, "/cam/image_stabilized")
@@ -87,8 +91,10 @@ def test_signals_end_a_node_cleanly(
 ) -> None:
     diagnostics = graph.listen(DiagnosticArray, "/diagnostics")
     clock = graph.listen(Clock, "/clock")
-    own = {"bag_player_node": {"bag": str(recordings["mcap"]), "rate": 0.01, "clock": True},
-           "bag_recorder_node": {"output": str(tmp_path / "out.mcap")}}
+    own: dict[str, dict[str, Any]] = {
+        "bag_player_node": {"bag": str(recordings["mcap"]), "rate": 0.01, "clock": True},
+        "bag_recorder_node": {"output": str(tmp_path / "out.mcap")},
+    }
     node = graph.start(name, **own.get(name, {}))
     graph.until(lambda: diagnostics or clock, f"{name} at work")
     node.process.send_signal(number)
@@ -144,7 +150,7 @@ def test_parameters_change_at_run_time(graph: Graph, flight: list[Shot]) -> None
     graph.until(lambda: len(answers) == 1, "the reference")
     assert graph.set_parameter("/tracker_node", "method", "klt") == (True, "")
     assert graph.set_parameter("/tracker_node", "threshold", 2) == (True, "")
-    refusals = {
+    refusals: dict[str, float | str] = {
         "method": "magic", "on_lost": "", "threshold": -1.0, "min_inliers": 1.5, "queue_depth": 0,
         "roi": "[[[9000, 9000], [9100, 9000], [9100, 9100]]]", "exclude": "[[[0, 0], [1, 1]]]",
     }

@@ -6,7 +6,7 @@ import argparse
 
 import pytest
 
-from stab_ros.options import assignment, positive_float, positive_int
+from stab_ros.options import assignment, positive_float, positive_int, seconds
 
 
 @pytest.mark.parametrize(("text", "value"), [
@@ -46,3 +46,13 @@ def test_a_count_is_a_whole_number_above_0(text: str) -> None:
 def test_a_rate_is_a_finite_number_above_0(text: str) -> None:
     with pytest.raises(argparse.ArgumentTypeError):
         positive_float(text)
+
+
+def test_seconds_may_be_none_at_all() -> None:
+    assert (seconds("0"), seconds("2.5")) == (0.0, 2.5)
+
+
+@pytest.mark.parametrize("text", ["-1", "nan", "inf", "x", ""])
+def test_seconds_are_a_finite_number_not_below_0(text: str) -> None:
+    with pytest.raises(argparse.ArgumentTypeError):
+        seconds(text)
