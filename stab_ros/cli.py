@@ -16,11 +16,15 @@ from contextlib import contextmanager, redirect_stderr
 from pathlib import Path
 from typing import Any
 
+from stab_ros import __version__
 from stab_ros.core.errors import InputError, StabRosError
+from stab_ros.io.text import one_line
 from stab_ros.options import Parser, assignment, positive_float, positive_int, seconds
 
 DONE, BROKEN_OFF, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 _STDERR = 2
+_BAG = "an .mcap, a rosbag2 folder or a ROS 1 .bag"
+_INPUT = "an .mcap, a rosbag2 folder, a ROS 1 .bag, a video or a folder of images"
 _PLAY_OPTIONS = ("rate", "loop", "start_offset", "clock", "wait_for_subscribers")
 
 
@@ -46,6 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parser() -> Parser:
     parser = Parser(prog="stab-ros", description="Holds a river still: registers drone video to one reference frame.")
+    parser.add_argument("--version", action="version", version=f"stab-ros {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
     _add_stabilize(commands)
     _add_convert(commands)
@@ -56,13 +61,18 @@ def _parser() -> Parser:
     return parser
 
 
+def _command(commands: Any, name: str, does: str) -> argparse.ArgumentParser:
+    parser: argparse.ArgumentParser = commands.add_parser(name, help=does, description=f"{does[0].upper()}{does[1:]}.")
+    return parser
+
+
 def _add_stabilize(commands: Any) -> None:
-    parser = commands.add_parser("stabilize", help="stabilise a recording into an MCAP bag")
-    parser.add_argument("input", type=Path, metavar="INPUT",
-                        help="an .mcap, rosbag2 folder, ROS 1 .bag, video or folder of images")
-    parser.add_argument("output", type=Path, metavar="OUTPUT.mcap")
-    parser.add_argument("--image-topic", metavar="T", help="which, where a bag has several")
-    parser.add_argument("--config", type=Path, metavar="FILE.yaml", help="a ROS parameter file")
+    parser = _command(commands, "stabilize", "stabilise a recording into an MCAP bag")
+    parser.add_argument("input", type=Path, metavar="INPUT", help=_INPUT)
+    parser.add_argument("output", type=Path, metavar="OUTPUT.mcap", help="the bag to write")
+    parser.add_argument("--image-topic", metavar="T", help="which images, where a bag has several topics of them")
+    parser.add_argument("--config", type=Path, metavar="FILE.yaml",
+                        help="a ROS parameter file with parameters of the tracker")
     parser.add_argument("-p", dest="parameters", type=assignment, action="append", default=[], metavar="name:=value",
                         help="a parameter of the tracker; may be repeated, and overrides --config")
     parser.add_argument("--homographies", type=Path, metavar="H.csv", help="write a table of all homographies")
@@ -71,7 +81,8 @@ def _add_stabilize(commands: Any) -> None:
     parser.add_argument("--no-image", action="store_true", help="leave image_stabilized out of the bag")
     parser.add_argument("--keep-raw", action="store_true", help="take the raw images over into the bag")
     parser.add_argument("--limit", type=positive_int, metavar="N", help="stop after N frames")
-    parser.add_argument("--fps", type=positive_float, metavar="F", help="frame rate of the video or folder, of --video")
+    parser.add_argument("--fps", type=positive_float, metavar="F",
+                        help="frame rate of a video or folder (default: the file's, else 25), and of --video")
     _add_force(parser)
     parser.set_defaults(run=_stabilize)
 
@@ -97,9 +108,9 @@ def _stabilize(options: argparse.Namespace) -> int:
 
 
 def _add_convert(commands: Any) -> None:
-    parser = commands.add_parser("convert", help="turn any recording into an MCAP bag")
-    parser.add_argument("input", type=Path, metavar="INPUT", help="as of stabilize")
-    parser.add_argument("output", type=Path, metavar="OUTPUT.mcap")
+    parser = _command(commands, "convert", "turn any recording into an MCAP bag")
+    parser.add_argument("input", type=Path, metavar="INPUT", help=_INPUT)
+    parser.add_argument("output", type=Path, metavar="OUTPUT.mcap", help="the bag to write")
     parser.add_argument("--topic", metavar="T", help="for a video or folder: the topic of the images (default "
                         "/camera/image_raw); for a bag: the one topic to convert (default: all)")
     parser.add_argument("--fps", type=positive_float, metavar="F", help="frame rate of a video or folder")
@@ -120,13 +131,14 @@ def _convert(options: argparse.Namespace) -> int:
 
 
 def _add_play(commands: Any) -> None:
-    parser = commands.add_parser("play", help="publish a bag's messages live (needs ROS 2)")
-    parser.add_argument("bag", type=Path)
-    parser.add_argument("--rate", type=positive_float, help="times real time")
+    parser = _command(commands, "play", "publish a bag's messages live (needs ROS 2)")
+    parser.add_argument("bag", type=Path, metavar="BAG", help=_BAG)
+    parser.add_argument("--rate", type=positive_float, metavar="R", help="times real time (default: 1)")
     parser.add_argument("--loop", action="store_true", default=None, help="start again at the end")
     parser.add_argument("--start-offset", type=seconds, metavar="S", help="skip the first S seconds")
     parser.add_argument("--clock", action="store_true", default=None, help="publish /clock")
-    parser.add_argument("--wait-for-subscribers", type=positive_int, metavar="N", help="begin once N have come")
+    parser.add_argument("--wait-for-subscribers", type=positive_int, metavar="N",
+                        help="begin once the image topics (without any: all topics) have N subscribers in total")
     parser.set_defaults(run=_play)
 
 
@@ -139,9 +151,9 @@ def _play(options: argparse.Namespace) -> int:
 
 
 def _add_record(commands: Any) -> None:
-    parser = commands.add_parser("record", help="record live topics into an MCAP bag (needs ROS 2)")
-    parser.add_argument("output", type=Path, metavar="OUT.mcap")
-    parser.add_argument("topics", nargs="+", metavar="TOPIC")
+    parser = _command(commands, "record", "record live topics into an MCAP bag (needs ROS 2)")
+    parser.add_argument("output", type=Path, metavar="OUT.mcap", help="the bag to write; Ctrl-C ends it")
+    parser.add_argument("topics", nargs="+", metavar="TOPIC", help="of any installed type")
     _add_force(parser)
     parser.set_defaults(run=_record)
 
@@ -154,9 +166,9 @@ def _record(options: argparse.Namespace) -> int:
 
 
 def _add_recover(commands: Any) -> None:
-    parser = commands.add_parser("recover", help="save what can be read of a broken .mcap")
-    parser.add_argument("broken", type=Path, metavar="BROKEN.mcap")
-    parser.add_argument("fixed", type=Path, metavar="FIXED.mcap")
+    parser = _command(commands, "recover", "save what can be read of a broken .mcap")
+    parser.add_argument("broken", type=Path, metavar="BROKEN.mcap", help="what a crash or a full disk left")
+    parser.add_argument("fixed", type=Path, metavar="FIXED.mcap", help="the bag to write")
     _add_force(parser)
     parser.set_defaults(run=_recover)
 
@@ -173,8 +185,8 @@ def _recover(options: argparse.Namespace) -> int:
 
 
 def _add_info(commands: Any) -> None:
-    parser = commands.add_parser("info", help="show what a recording holds")
-    parser.add_argument("bag", type=Path, help="a bag; also a video or a folder of images")
+    parser = _command(commands, "info", "show what a recording holds")
+    parser.add_argument("bag", type=Path, metavar="BAG", help=_INPUT)
     parser.set_defaults(run=_info)
 
 
@@ -193,7 +205,7 @@ def _add_force(parser: argparse.ArgumentParser) -> None:
 
 
 def _say(line: str) -> None:
-    print("stab-ros:", " ".join(line.split()), file=sys.stderr)
+    print("stab-ros:", one_line(line), file=sys.stderr)
 
 
 def _warn(warnings: Iterable[str]) -> None:

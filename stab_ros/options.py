@@ -8,12 +8,14 @@ from typing import NoReturn
 
 import yaml
 
+from stab_ros.io.text import one_line
+
 
 class Parser(argparse.ArgumentParser):
     """Says in one line what is wrong with the usage, exit code 2."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: {' '.join(message.split())}; see {self.prog} --help\n")
+        self.exit(2, f"{self.prog}: {one_line(message)}; see {self.prog} --help\n")
 
 
 def positive_int(text: str) -> int:

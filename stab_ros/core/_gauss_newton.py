@@ -103,9 +103,13 @@ def variances_along(H: Homography, reference: FloatArray, current: FloatArray, i
 
 @numba.njit(cache=True, nogil=True)
 def accumulate(H: Homography, reference: FloatArray, current: FloatArray, information: FloatArray, weight: FloatArray,
-               centre: FloatArray, radius: float, k: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Sums over the features of w J^T Omega J (k, k), of w J^T Omega e (k,) and of the latter's outer products."""
-    normal, right, scatter = np.zeros((k, k)), np.zeros(k), np.zeros((k, k))
+               centre: FloatArray, radius: float, k: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Sums over the features of w J^T Omega J (k, k) and of w J^T Omega e (k,), and the variance of the latter.
+
+    That variance comes twice, (k, k): as the information claims it, sum of w^2 J^T Omega J, and as the residuals show
+    it, sum of the outer products.
+    """
+    normal, right, claimed, shown = np.zeros((k, k)), np.zeros(k), np.zeros((k, k)), np.zeros((k, k))
     along_x, along_y, weighted_x, weighted_y, score = np.empty(8), np.empty(8), np.empty(8), np.empty(8), np.empty(8)
     for i in range(len(current)):
         if weight[i] <= 0:
@@ -127,12 +131,14 @@ def accumulate(H: Homography, reference: FloatArray, current: FloatArray, inform
             score[a] = weighted_x[a] * ex + weighted_y[a] * ey
             right[a] += score[a]
             for b in range(a + 1):
-                normal[a, b] += weighted_x[a] * along_x[b] + weighted_y[a] * along_y[b]
-                scatter[a, b] += score[a] * score[b]
+                both = weighted_x[a] * along_x[b] + weighted_y[a] * along_y[b]
+                normal[a, b] += both
+                claimed[a, b] += weight[i] * both
+                shown[a, b] += score[a] * score[b]
     for a in range(k):
         for b in range(a):
-            normal[b, a], scatter[b, a] = normal[a, b], scatter[a, b]
-    return normal, right, scatter
+            normal[b, a], claimed[b, a], shown[b, a] = normal[a, b], claimed[a, b], shown[a, b]
+    return normal, right, claimed, shown
 
 
 @numba.njit(cache=True, nogil=True)
@@ -197,7 +203,7 @@ def polish(H: Homography, reference: FloatArray, current: FloatArray, informatio
     for _ in range(steps):
         relative = squared_residuals(H, reference, current, shape) / (threshold_px**2 + noise)
         weight = weigh(relative, table, beyond) * trust
-        normal, right, _scatter = accumulate(H, reference, current, information, weight, centre, radius, k)
+        normal, right, _claimed, _shown = accumulate(H, reference, current, information, weight, centre, radius, k)
         found, delta = solve(normal, right)
         if not found:
             return False, H

@@ -12,6 +12,8 @@ from typing import Any, TypeAlias
 
 from stab_ros.core.errors import ConfigError
 
+_LARGEST_INTEGER = 2**63 - 1  # of a ROS parameter
+
 Value: TypeAlias = bool | int | float | str
 
 
@@ -45,7 +47,7 @@ def checked(name: str, value: Value, default: Value, limits: Range) -> Value:
     Raises:
         ConfigError: wrong type, out of range, or not one of the choices.
     """
-    if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
+    if isinstance(default, float) and type(value) is int and abs(value) <= _LARGEST_INTEGER:
         value = float(value)
     if type(value) is not type(default):
         raise ConfigError(f"{name}: {value!r} is a {type(value).__name__}, it must be a {type(default).__name__}")

@@ -7,8 +7,8 @@ the best one polished: LO-RANSAC, Chum et al. 2003) and differ only in how a res
 
 * RANSAC (Fischler and Bolles 1981): 1 within the threshold, 0 beyond.
 * MAGSAC++ (Barath et al. 2020, eq. 4 to 8): the likelihood marginalised over the noise scale up to its maximum,
-  w(r) = Gamma((n-1)/2, r^2 / (2 s^2)) - Gamma((n-1)/2, k^2 / 2) with n = 2 error dimensions and k^2 the 99 % quantile
-  of chi-square; the threshold is k s.
+  w(r) = Gamma((n-1)/2, r^2 / (2 s^2)) - Gamma((n-1)/2, k^2 / 2) with n = 4 coordinates of a correspondence and k^2 the
+  99 % quantile of chi-square; the threshold is k s.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ _LEVEL = 0.2  # of the threshold: features more certain than this count alike in
 _SETTLING = 2
 _SIGMAS = 3.0  # of a feature's own noise that are no disagreement
 _MAJORITY = 0.8
+_CHI2_4_99 = 13.277  # 99 % quantile of chi-square with 4 degrees of freedom
 _TABLE = 4096  # steps of r^2 / threshold^2
 _TRUSTED = 0.5  # samples are drawn among features trusted more
 _SEED = 20201020
@@ -59,9 +60,8 @@ class Kernel:
 
     @staticmethod
     def magsac() -> Kernel:
-        k2 = 2 * math.log(100)  # 99 % quantile of chi-square with 2 degrees of freedom
-        squared = np.linspace(0, 1, _TABLE)
-        upper = np.array([math.erfc(math.sqrt(t * k2 / 2)) for t in squared])  # Gamma(1/2, x) / sqrt(pi)
+        x = np.linspace(0, 1, _TABLE) * _CHI2_4_99 / 2
+        upper = np.array([math.erfc(math.sqrt(t)) + 2 * math.sqrt(t / math.pi) * math.exp(-t) for t in x])
         weight = (upper - upper[-1]) / (upper[0] - upper[-1])
         loss = np.concatenate([[0.0], np.cumsum((weight[1:] + weight[:-1]) / 2)])
         return Kernel(weight, loss / loss[-1], beyond=0.0, robust=True)
@@ -238,7 +238,8 @@ def _samples(problem: Problem) -> Iterator[IdArray]:
 
 def _samples_needed(problem: Problem, loss: float) -> float:
     """Until one sample without an outlier was drawn with _CONFIDENCE; `loss` stands for the share of outliers."""
-    clean = min(max(1e-3, 1.0 - loss / float(problem.trust.sum())), 1 - 1e-9) ** minimal_points(problem.basis.model)
+    agreeing = 1.0 - loss / max(float(problem.trust.sum()), 1e-9)
+    clean = min(max(1e-3, agreeing), 1 - 1e-9) ** minimal_points(problem.basis.model)
     return math.log(1 - _CONFIDENCE) / math.log(1 - clean)
 
 
@@ -261,17 +262,16 @@ def _report(problem: Problem, kernel: Kernel, H: Homography, reach_px: float) ->
 
 
 def _covariance(problem: Problem, weight: FloatArray, H: Homography) -> FloatArray | None:
-    """Of the entries of H (8, 8): N^-1, inflated where the residuals are larger than their information claims.
+    """Of the entries of H (8, 8): the sandwich N^-1 V N^-1 of a weighted fit (Huber 1967).
 
-    The inflation is the mean ratio of the sandwich estimate N^-1 (sum s s^T) N^-1, s = w J^T Omega e (Huber 1967), to
-    N^-1: the residuals themselves say how far the claimed information may be believed.
+    V is the variance of the score that the information claims, inflated where the residuals show more of it.
     """
     pairs, basis = problem.pairs, problem.basis
-    normal, right, scatter = gn.accumulate(H, pairs.reference_px, pairs.current_px, pairs.information, weight,
-                                           basis.centre, basis.radius, PARAMETERS[basis.model])
+    normal, right, claimed, shown = gn.accumulate(H, pairs.reference_px, pairs.current_px, pairs.information, weight,
+                                                  basis.centre, basis.radius, PARAMETERS[basis.model])
     if not gn.solve(normal, right)[0]:
         return None
     inverse = np.linalg.inv(normal)
-    excess = max(1.0, float(np.trace(inverse @ scatter)) / len(normal))
-    to_entries = basis.entry_jacobian(H)
-    return np.asarray(to_entries @ (inverse * excess) @ to_entries.T)
+    excess = max(1.0, float(np.trace(inverse @ shown)) / float(np.trace(inverse @ claimed)))
+    to_entries = basis.entry_jacobian(H) @ inverse
+    return np.asarray(to_entries @ (claimed * excess) @ to_entries.T)

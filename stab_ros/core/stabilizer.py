@@ -5,6 +5,7 @@ Live and offline call the same `Stabilizer`: the answer depends on the frames al
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -80,9 +81,9 @@ class Stabilizer:
             InputError: `roi` and `exclude` do not fit the reference, or the camera does not fit the frame.
         """
         index, self._frames = self._frames, self._frames + 1
-        gray = self._gray(frame)
-        if self._reference is None or self._reference.gray.shape != gray.shape:
-            return self._start(index, frame, gray)
+        if self._reference is None or self._reference.frame.size != frame.size:
+            return self._start(index, frame)
+        gray = self._gray(frame, self._reference.grey_scale)
         for guess in self._guesses(gray, frame.stamp_ns):
             pairs, fit = self._align(gray, guess)
             if fit is not None and self._accepts(fit, frame.size):
@@ -111,13 +112,15 @@ class Stabilizer:
         """Other settings from the next frame on, against the same reference.
 
         Raises:
-            InputError: `area` does not fit the reference; nothing has changed then.
+            InputError: `area` does not fit the reference or leaves too little of it; nothing has changed then.
         """
         if self._reference is not None:
             allowed = area.allowed(self._reference.frame.size)
             same = (config.method, config.method_config) == (self._config.method, self._config.method_config)
-            if not same or not np.array_equal(allowed, self._allowed):
-                self._prepare(self._reference, config, allowed)
+            rebuild = not same or not np.array_equal(allowed, self._allowed)
+            if rebuild and not self._prepare(self._reference, config, allowed):
+                raise InputError(f"{config.method} finds fewer than {config.min_inliers} features in the reference, "
+                                 "roi and exclude must leave more texture")
         self._config, self._area = config, area
 
     @property
@@ -135,36 +138,41 @@ class Stabilizer:
         """What the last compared frame was judged by: the features found in it, and what was fitted to them."""
         return self._last_match if self._reference else None
 
-    def _gray(self, frame: Frame) -> Gray:
+    def _gray(self, frame: Frame, grey_scale: float) -> Gray:
         """The frame as the methods see it: gray, without lens distortion."""
         if self._camera is not None and self._camera.size != frame.size:
             raise InputError(f"camera_info is for {self._camera.size[0]}x{self._camera.size[1]} px, "
                              f"the images have {frame.size[0]}x{frame.size[1]}")
-        scale = self._reference.grey_scale if self._reference else depth_scale(frame)
-        gray = to_gray(frame, scale)
+        gray = to_gray(frame, grey_scale)
         return gray if self._camera is None else self._camera.undistort(gray)
 
-    def _start(self, index: int, frame: Frame, gray: Gray) -> Track:
-        """Take the frame as the reference, if there is anything in it to find again."""
-        if not is_textured(gray):
+    def _start(self, index: int, frame: Frame) -> Track:
+        """Take a copy of the frame as the reference, if there is anything in it to find again."""
+        frame = dataclasses.replace(frame, image=frame.image.copy())  # the caller may use its buffer again
+        reference = Reference(frame, self._gray(frame, depth_scale(frame)), depth_scale(frame))
+        allowed = self._area.allowed(frame.size)
+        if not is_textured(reference.gray) or not self._prepare(reference, self._config, allowed):
+            self._reference = None
             return self._lost(index, frame, 0)
-        reference = Reference(frame, gray, depth_scale(frame))
-        self._prepare(reference, self._config, self._area.allowed(frame.size))
         self._motion = Motion(np.eye(3), frame.stamp_ns)
         self._references += 1
         found = len(self._method.reference_px)
         return Track(State.TRACKED, index, frame.stamp_ns, frame.stamp_ns, self.reset_counter, found, found,
                      np.eye(3), np.zeros((8, 8)), 0.0, 0.0)
 
-    def _prepare(self, reference: Reference, config: StabilizerConfig, allowed: BoolArray) -> None:
-        """All that depends on the reference alone."""
+    def _prepare(self, reference: Reference, config: StabilizerConfig, allowed: BoolArray) -> bool:
+        """All that depends on the reference alone; False, and nothing has changed, if it has too few features."""
         kind = METHODS[config.method]
-        self._method: Method = kind(reference.gray, allowed, config.method_config or kind.Config())
+        method = kind(reference.gray, allowed, config.method_config or kind.Config())
+        if len(method.reference_px) < config.min_inliers:
+            return False
+        self._method: Method = method
         self._overview = Overview(reference.gray)
         self._features = StaticFeatures(len(self._method.reference_px))
         self._last_match: tuple[Correspondences, Fit | None] | None = None
         self._allowed = allowed
         self._reference = reference
+        return True
 
     def _guesses(self, gray: Gray, stamp_ns: int) -> Iterator[Homography]:
         """Where the frame may lie: going on as before, or having stopped, or wherever it has jumped to."""

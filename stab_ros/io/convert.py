@@ -8,7 +8,7 @@ from pathlib import Path
 from stab_ros.core.errors import InputError
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import BagWriter, Topic, open_bag
-from stab_ros.io.messages import Header, image_cdr
+from stab_ros.io.messages import header_of, image_cdr
 from stab_ros.io.offline import Progress, expected
 from stab_ros.io.outputs import check_output
 from stab_ros.io.source import Kind, Picture, kind_of, open_source
@@ -83,7 +83,7 @@ def _record_pictures(job: Conversion, progress: Progress) -> Converted:
 
 
 def _record(writer: BagWriter, topic: Topic, picture: Picture, frame: Frame) -> None:
-    data = image_cdr(frame.image, frame.encoding, Header(frame.stamp_ns, frame.frame_id))
+    data = image_cdr(frame.image, frame.encoding, header_of(frame))
     writer.write(topic.name, picture.log_time_ns, picture.publish_time_ns, data)
 
 

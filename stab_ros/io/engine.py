@@ -13,6 +13,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.parameters import checked_values, stabilizer_config
 from stab_ros.core.stabilizer import Stabilizer
 from stab_ros.io.regions import read_area
+from stab_ros.io.text import one_line
 
 # beginnings of what the node alone reads: the same file serves `--params-file` and `--config`
 _OF_THE_NODE = ("queue_depth", "image_transport", "wait_for_subscribers", "stale_s", "use_sim_time", "qos_overrides.")
@@ -46,9 +47,8 @@ def read_config(path: Path) -> dict[str, Value]:
     """
     try:
         document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        reason = " ".join(str(error).split())
-        raise InputError(f"{path}: not a readable YAML file ({reason})") from error
+    except (OSError, UnicodeDecodeError, RecursionError, yaml.YAMLError) as error:
+        raise InputError(f"{path}: not a readable YAML file ({one_line(error)})") from error
     nodes = list(_nodes(document))
     if not nodes:
         raise InputError(f"{path}: not a ROS parameter file, it must hold '/**: ros__parameters: name: value'")

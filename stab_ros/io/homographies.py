@@ -16,6 +16,7 @@ import numpy as np
 
 from stab_ros.core.errors import InputError, WorkError
 from stab_ros.core.types import Homography, State, Track
+from stab_ros.io.text import number
 
 ELEMENTS = tuple(f"h{row}{column}" for row in range(3) for column in range(3))
 COLUMNS = ("frame", "stamp_ns", "status", *ELEMENTS)
@@ -76,16 +77,12 @@ class HomographyWriter:
 
 
 def _cells(frame: int, track: Track) -> list[str]:
-    elements = [""] * 9 if track.ref_H_cur is None else [repr(float(h)) for h in track.ref_H_cur.ravel()]
+    elements = [""] * 9 if track.ref_H_cur is None else [number(float(h)) for h in track.ref_H_cur.ravel()]
     return [
         str(frame), str(track.stamp_ns), track.state.value, *elements,
-        str(track.matches), str(track.inliers), _number(track.rmse_px), _number(track.sigma_px),
+        str(track.matches), str(track.inliers), number(track.rmse_px), number(track.sigma_px),
         str(track.reset_counter),
     ]  # fmt: skip
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else repr(float(value))
 
 
 def read_homographies(path: Path) -> list[HomographyRow]:

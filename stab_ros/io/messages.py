@@ -19,6 +19,7 @@ from stab_ros.core.camera import Camera
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.types import FloatArray, Frame, Homography, Image, Track
 from stab_ros.io.pixels import decode_compressed, decode_image
+from stab_ros.io.text import number
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -28,7 +29,7 @@ COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 DIAGNOSTIC_ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
 
-OK, WARN = 0, 1  # DiagnosticStatus.level
+OK, WARN, ERROR = 0, 1, 2  # diagnostic_msgs/DiagnosticStatus.level
 SECOND_NS = 1_000_000_000
 # image_proc passes frames through untouched when D is all zero; this is zero to every computation, but not to it
 _ALMOST_ZERO = 1e-300
@@ -57,6 +58,11 @@ class Header:
     def __post_init__(self) -> None:
         if not -(2**31) <= self.stamp_ns // SECOND_NS < 2**31:
             raise MessageError(f"stamp {self.stamp_ns} ns does not fit a ROS time, it must lie within 2^31 seconds")
+
+
+def header_of(frame: Frame) -> Header:
+    """What everything made from a frame is stamped with: the frame's own header."""
+    return Header(frame.stamp_ns, frame.frame_id)
 
 
 def read_image(cdr: bytes | memoryview, msgtype: str) -> Frame:
@@ -159,8 +165,8 @@ def track_cdr(track: Track, header: Header) -> bytes:
         "reset_counter": str(track.reset_counter),
         "matches": str(track.matches),
         "inliers": str(track.inliers),
-        "rmse_px": _number(track.rmse_px),
-        "sigma_px": _number(track.sigma_px),
+        "rmse_px": number(track.rmse_px),
+        "sigma_px": number(track.sigma_px),
         "covariance": "" if track.covariance is None else _upper_triangle(track.covariance),
         "offset": "0 0",
         "scale": "1",
@@ -187,12 +193,8 @@ def image_cdr(image: Image, encoding: str, header: Header) -> bytes:
     return b"".join((head[:-4], struct.pack("=I", pixels.nbytes), pixels.data))
 
 
-def _number(value: float | None) -> str:
-    return "" if value is None else repr(float(value))
-
-
 def _upper_triangle(covariance: FloatArray) -> str:
-    return " ".join(repr(float(value)) for value in covariance[np.triu_indices(len(covariance))])
+    return " ".join(number(value) for value in covariance[np.triu_indices(len(covariance))])
 
 
 def _diagnostics(

@@ -30,17 +30,24 @@ def _region(name: str, text: str) -> Region | None:
     if text.startswith("["):
         return _polygons(name, text, "the value")
     path = Path(text)
-    if not path.is_file():
-        raise InputError(f"{name}: {text!r} is neither JSON [[[x, y], ...], ...] nor an existing .json or PNG file")
+    if not _is_file(path):
+        raise InputError(f"{name}: {text[:80]!r} is neither JSON [[[x, y], ...], ...] nor an existing .json or PNG")
     if path.suffix.lower() == ".json":
         return _polygons(name, path.read_text(encoding="utf-8", errors="replace"), str(path))
     return _mask(name, path)
 
 
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # no possible name of a file
+        return False
+
+
 def _polygons(name: str, text: str, where: str) -> Region:
     try:
         polygons = tuple(np.array(polygon, dtype=np.float64) for polygon in json.loads(text))
-    except (ValueError, TypeError, RecursionError) as error:
+    except (ValueError, TypeError, OverflowError, RecursionError) as error:
         raise InputError(f"{name}: {where} must be JSON [[[x, y], ...], ...] ({error})") from error
     if not polygons:
         raise InputError(f"{name}: {where} holds no polygon, it must hold at least one [[x, y], ...]")
@@ -51,4 +58,5 @@ def _mask(name: str, path: Path) -> Region:
     mask = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if mask is None:
         raise InputError(f"{name}: {path} cannot be read as a picture, it must be a PNG mask or a .json of polygons")
-    return Region(name, mask=mask.any(axis=2) if mask.ndim == 3 else mask > 0)
+    colours = mask[..., :3] if mask.ndim == 3 else mask[..., None]  # not the alpha channel
+    return Region(name, mask=colours.any(axis=2))

@@ -24,6 +24,7 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typest
 from stab_ros.core.errors import InputError
 from stab_ros.io.bag_types import Message, Topic, topic_of
 from stab_ros.io.messages import typestore
+from stab_ros.io.text import one_line
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -57,7 +58,7 @@ class RosbagsReader:
             self._reader = Reader1(path) if path.suffix.lower() == ".bag" else Reader2(path)
             self._reader.open()
         except _DAMAGE as error:
-            raise InputError(f"{path}: cannot be read ({_one_line(error)}), it must be a whole recording") from error
+            raise InputError(f"{path}: cannot be read ({_reason(error)}), it must be a whole recording") from error
         filled = self._reader.message_count > 0
         self.start_ns = self._reader.start_time if filled else 0
         self.end_ns = self._reader.end_time - 1 if filled else 0  # rosbags gives the time after the last message
@@ -80,20 +81,20 @@ class RosbagsReader:
             for connection, time_ns, data in self._reader.messages(wanted):
                 yield from self._converted(connection.id, time_ns, data)
         except _DAMAGE as error:
-            self._warn(f"is damaged after {time_ns} ns ({_one_line(error)}), what follows is lost")
+            self._warn(f"is damaged after {time_ns} ns ({_reason(error)}), what follows is lost")
 
     def _converted(self, connection_id: int, time_ns: int, data: bytes) -> Iterator[Message]:
         topic, to_cdr = self._conversions[connection_id]
         try:
             yield Message(topic, time_ns, time_ns, bytes(to_cdr(data)))
         except _DAMAGE as error:
-            self._warn(f"a message of {topic} at {time_ns} ns is damaged ({_one_line(error)}), it is left out")
+            self._warn(f"a message of {topic} at {time_ns} ns is damaged ({_reason(error)}), it is left out")
 
     def _take(self, connection: Connection) -> None:
         try:
             topic, to_cdr = _converted_topic(connection)
         except _DAMAGE as error:
-            self._warn(f"{connection.topic} is left out, its definition cannot be read ({_one_line(error)})")
+            self._warn(f"{connection.topic} is left out, its definition cannot be read ({_reason(error)})")
             return
         known = self.topics.setdefault(topic.name, replace(topic, count=0))
         if known.msgtype != topic.msgtype:
@@ -139,5 +140,5 @@ def _ros1_topic(connection: Connection, qos: str) -> tuple[Topic, Conversion]:
         source, target, connection.msgtype, msgtype, {}, data, src_is2=False, dst_is2=True)
 
 
-def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
+def _reason(error: BaseException) -> str:
+    return one_line(error) or type(error).__name__

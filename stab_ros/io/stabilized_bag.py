@@ -12,7 +12,7 @@ from stab_ros.io.messages import (
     CAMERA_INFO,
     DIAGNOSTIC_ARRAY,
     IMAGE,
-    Header,
+    header_of,
     homography_cdr,
     image_cdr,
     track_cdr,
@@ -78,7 +78,7 @@ class StabilizedBag:
         frame = picture.decoded
         if not isinstance(frame, Frame):
             return
-        header = Header(frame.stamp_ns, frame.frame_id)
+        header = header_of(frame)
         size = reference_size or frame.size
         self._write(picture, self._names.homography, homography_cdr(track, header, size, self._camera))
         self._write(picture, self._names.track, track_cdr(track, header))
@@ -90,8 +90,7 @@ class StabilizedBag:
         if picture.data is not None:
             self._write(picture, self._raw_topic.name, picture.data)
         elif isinstance(frame, Frame):
-            header = Header(frame.stamp_ns, frame.frame_id)
-            self._write(picture, self._raw_topic.name, image_cdr(frame.image, frame.encoding, header))
+            self._write(picture, self._raw_topic.name, image_cdr(frame.image, frame.encoding, header_of(frame)))
 
     def _write(self, picture: Picture, topic: str, data: bytes) -> None:
         self._writer.write(topic, picture.log_time_ns, picture.publish_time_ns, data)

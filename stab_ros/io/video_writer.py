@@ -85,15 +85,16 @@ class VideoWriter:
 
 
 def _fitted(image: Image, size: tuple[int, int]) -> Image:
-    """`image` in the middle of a picture of this width and height."""
+    """`image` (bgr8) in the middle of a picture of this width and height."""
     height, width = image.shape[:2]
     if (width, height) == size:
         return image
     scale = min(size[0] / width, size[1] / height)
     inner = (max(1, round(width * scale)), max(1, round(height * scale)))
     left, top = (size[0] - inner[0]) // 2, (size[1] - inner[1]) // 2
-    fitted = np.zeros((size[1], size[0], *image.shape[2:]), image.dtype)
-    fitted[top : top + inner[1], left : left + inner[0]] = cv2.resize(image, inner, interpolation=cv2.INTER_AREA)
+    fitted = np.zeros((size[1], size[0], 3), np.uint8)
+    interpolation = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    fitted[top : top + inner[1], left : left + inner[0]] = cv2.resize(image, inner, interpolation=interpolation)
     return fitted
 
 

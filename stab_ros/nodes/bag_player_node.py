@@ -17,11 +17,11 @@ from tqdm import tqdm
 from stab_ros.core.config import Checked, setting
 from stab_ros.core.errors import InputError
 from stab_ros.io.bag import BagReader, Message, open_bag
-from stab_ros.io.messages import COMPRESSED_IMAGE, IMAGE
+from stab_ros.io.messages import COMPRESSED_IMAGE, IMAGE, SECOND_NS
 from stab_ros.nodes import params
 from stab_ros.nodes.outlet import Outlet
 from stab_ros.nodes.qos import replay_qos
-from stab_ros.nodes.runtime import SECOND_NS, Spinner, StabNode, message_class
+from stab_ros.nodes.runtime import Spinner, StabNode, message_class
 from stab_ros.nodes.schedule import Schedule
 
 _CLOCK = "/clock"

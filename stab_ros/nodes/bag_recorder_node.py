@@ -12,6 +12,7 @@ from typing import Any
 from stab_ros.core.config import Checked, setting
 from stab_ros.core.errors import ConfigError, InputError, WorkError
 from stab_ros.io.bag import BagWriter, topic_of
+from stab_ros.io.messages import ERROR, OK
 from stab_ros.nodes import params
 from stab_ros.nodes.gap_counter import GapCounter
 from stab_ros.nodes.qos import AdaptiveSubscription, keep_all_offered, offered_yaml
@@ -19,7 +20,6 @@ from stab_ros.nodes.runtime import Spinner, StabNode, message_class
 
 _LOOK_S = 0.1  # how often new topics and publishers are looked for
 _DRAIN_LIMIT_S = 10.0
-_OK, _ERROR = 0, 2  # diagnostic_msgs/DiagnosticStatus
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class BagRecorderNode(StabNode):
         """Once a second: what was received survives a crash, and the diagnostics."""
         if self._failure is None:
             self._try(writer.flush_chunk)
-        level, message = (_OK, "recording") if self._failure is None else (_ERROR, str(self._failure))
+        level, message = (OK, "recording") if self._failure is None else (ERROR, str(self._failure))
         counts = {"topics": len(self._inputs), "messages": self._messages, "messages_lost": self._lost,
                   "bytes": self._bytes}
         self.report(level, message, {name: str(count) for name, count in counts.items()})

@@ -93,9 +93,6 @@ class AdaptiveSubscription:
                                           f"nothing is received from it; {self._fix}")
         self._refused = ""
 
-    def close(self) -> None:
-        self._node.destroy_subscription(self._subscription)
-
     def _offers(self) -> list[QoSProfile]:
         return [info.qos_profile for info in self._node.get_publishers_info_by_topic(self.topic)]
 

@@ -26,7 +26,6 @@ from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.io.messages import diagnostics_cdr
 from stab_ros.nodes.stopping import StopRequest
 
-SECOND_NS = 1_000_000_000
 _STEP_S = 0.1  # how long a wait may last before the wish to stop is looked at
 _SETTLED_S = 0.2  # without a message for so long, the queues are empty
 _SHARED_MEMORY, _ENOUGH_BYTES = Path("/dev/shm"), 128 << 20

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from types import FrameType
 
 from stab_ros.core.errors import InputError, StabRosError
+from stab_ros.io.text import one_line
 
 
 class StopRequest:
@@ -50,5 +51,5 @@ def node_main(name: str, body: Callable[[StopRequest], int]) -> int:
     try:
         return until_stopped(body)
     except StabRosError as error:
-        print(f"{name}: {error}", file=sys.stderr)
+        print(f"{name}: {one_line(error)}", file=sys.stderr)
         return 2 if isinstance(error, InputError) else 1

@@ -23,7 +23,8 @@ from stab_ros.io.engine import make_stabilizer, reconfigure
 from stab_ros.io.messages import (
     COMPRESSED_IMAGE,
     IMAGE,
-    Header,
+    SECOND_NS,
+    header_of,
     homography_cdr,
     image_cdr,
     read_image,
@@ -34,7 +35,7 @@ from stab_ros.nodes.camera_feed import CameraFeed
 from stab_ros.nodes.gap_counter import GapCounter
 from stab_ros.nodes.outlet import Outlet
 from stab_ros.nodes.qos import LATCHED, AdaptiveSubscription, keep_all_reliable, newest_only
-from stab_ros.nodes.runtime import SECOND_NS, StabNode
+from stab_ros.nodes.runtime import StabNode
 from stab_ros.nodes.tracker_status import TrackerStatus
 from stab_ros.nodes.warm_up import warm_up
 
@@ -143,14 +144,14 @@ class TrackerNode(StabNode):
 
     def _publish_track(self, frame: Frame, track: Track) -> None:
         """What others wait for comes before the slow warp."""
-        header = Header(frame.stamp_ns, frame.frame_id)
+        header = header_of(frame)
         camera = self.camera.camera if self.camera else None
         reference = self.stabilizer.reference or frame
         self.homography.send(homography_cdr(track, header, reference.size, camera))
         self.track.send(track_cdr(track, header))
 
     def _publish_images(self, frame: Frame, track: Track) -> None:
-        header = Header(frame.stamp_ns, frame.frame_id)
+        header = header_of(frame)
         reference = self.stabilizer.reference
         if reference is not None and reference is not self._published_reference:
             self._publish_reference(reference)
@@ -165,8 +166,7 @@ class TrackerNode(StabNode):
         self._published_reference = reference
         if self.camera is not None:
             self.camera.settled = True
-        header = Header(reference.stamp_ns, reference.frame_id)
-        self.reference_image.send(image_cdr(reference.image, reference.encoding, header))
+        self.reference_image.send(image_cdr(reference.image, reference.encoding, header_of(reference)))
 
     def _use_camera(self) -> None:
         """A camera has become known: the engine starts with it, and takes what was held back."""

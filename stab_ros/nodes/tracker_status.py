@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stab_ros.core.types import Track
-
-OK, WARN, ERROR = 0, 1, 2  # diagnostic_msgs/DiagnosticStatus
+from stab_ros.io.messages import ERROR, OK, WARN
+from stab_ros.io.text import number
 
 
 @dataclass(frozen=True)
@@ -82,12 +82,8 @@ class TrackerStatus:
             "frames_refused": str(self._refused),
             "matches": str(track.matches if track else 0),
             "inliers": str(track.inliers if track else 0),
-            "rmse_px": _number(track.rmse_px if track else None),
-            "sigma_px": _number(track.sigma_px if track else None),
+            "rmse_px": number(track.rmse_px if track else None),
+            "sigma_px": number(track.sigma_px if track else None),
             "latency_ms": f"{self._latency_ns / 1e6:.3f}" if track else "",
             "reset_counter": str(track.reset_counter if track else 0),
         }
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else repr(float(value))

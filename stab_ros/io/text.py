@@ -1,0 +1,13 @@
+"""How numbers and errors are written."""
+
+from __future__ import annotations
+
+
+def number(value: float | None) -> str:
+    """Full double precision; empty where there is none."""
+    return "" if value is None else repr(float(value))
+
+
+def one_line(text: object) -> str:
+    """Without line breaks: an error is one line."""
+    return " ".join(str(text).split())
