@@ -30,7 +30,6 @@ def describe() -> dict[str, object]:
         "cores": {"machine": os.cpu_count(), "used": len(os.sched_getaffinity(0))},
         "memory_gb": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30, 1),
         "load_average": [round(load, 2) for load in os.getloadavg()],
-        "kernel": platform.release(),
         "python": platform.python_version(),
         "numpy": version("numpy"),
         "numba": version("numba"),

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from time import perf_counter_ns
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from time import perf_counter_ns, process_time_ns
 
 from scenes import Scene
 from spread import Spread
@@ -18,9 +18,9 @@ _WARM_UP = 3  # rounds; the first is the reference
 
 @dataclass(frozen=True)
 class Runner:
-    """run(frame, truth) is what is timed. every: takes part in every n-th round. beside: the runner it is compared with.
+    """run(frame, truth) is what is timed. every: takes part in every n-th round.
 
-    tracks: what run gives back is a homography, or None where the frame is lost.
+    beside: the runner it is compared with. tracks: run gives back a homography, or None where the frame is lost.
     """
 
     name: str
@@ -32,10 +32,21 @@ class Runner:
 
 @dataclass(frozen=True)
 class Lap:
-    """One runner's times by round, ms, and errors against the truth, px (trackers only)."""
+    """One runner's times: ms on the clock by round, cpu_ms on all cores together. error_px: to the truth."""
 
-    ms: Mapping[int, float]
-    error_px: Sequence[float]
+    ms: dict[int, float] = field(default_factory=dict)
+    cpu_ms: list[float] = field(default_factory=list)
+    error_px: list[float] = field(default_factory=list)
+
+    def add(self, number: int, runner: Runner, frame: Frame, truth: Homography) -> None:
+        """One round of the runner's."""
+        start_ns, cpu_start_ns = perf_counter_ns(), process_time_ns()
+        found = runner.run(frame, truth)
+        end_ns, cpu_end_ns = perf_counter_ns(), process_time_ns()
+        self.ms[number] = (end_ns - start_ns) / 1e6
+        self.cpu_ms.append((cpu_end_ns - cpu_start_ns) / 1e6)
+        if found is not None:
+            self.error_px.append(rms_distance(found, truth, frame.size))
 
     def times(self) -> Spread:
         return Spread.of(list(self.ms.values()))
@@ -52,19 +63,12 @@ class Lap:
 
 def race(runners: Sequence[Runner], scene: Scene, rounds: int) -> dict[str, Lap]:
     """Results by name. Who begins changes from round to round: the first to read a frame finds it in no cache."""
-    times: dict[str, dict[int, float]] = {runner.name: {} for runner in runners}
-    errors: dict[str, list[float]] = {runner.name: [] for runner in runners}
+    laps = {runner.name: Lap() for runner in runners}
     stream = scene.back_and_forth(_WARM_UP + rounds)
     for number, (frame, truth) in enumerate(tqdm(stream, "race", _WARM_UP + rounds, disable=None, leave=False)):
         due = [runner for runner in runners if number < _WARM_UP or number % runner.every == 0]
         first = number % len(due)
         for runner in due[first:] + due[:first]:
-            start_ns = perf_counter_ns()
-            found = runner.run(frame, truth)
-            elapsed_ms = (perf_counter_ns() - start_ns) / 1e6
-            if number < _WARM_UP:
-                continue
-            times[runner.name][number] = elapsed_ms
-            if found is not None:
-                errors[runner.name].append(rms_distance(found, truth, scene.size))
-    return {name: Lap(times[name], errors[name]) for name in times}
+            lap = laps[runner.name] if number >= _WARM_UP else Lap()
+            lap.add(number, runner, frame, truth)
+    return laps

@@ -19,8 +19,10 @@ from stab_ros.core.gray import to_gray
 from stab_ros.core.types import Frame, Homography, State, Track
 from stab_ros.io.engine import make_stabilizer
 
-TARGET_MS = {HD: 15.0, UHD: 25.0}  # `track direct`, two cores
-TRACK, WARP = "track, direct", "warp"
+TARGET_MS = {HD: 15.0, UHD: 25.0}  # of the direct method, two cores
+TRACK, ALONE, WARP = "track, direct", "track, direct, alone", "warp"
+_NOTE = ("Each frame goes through all rows in turn; `alone`: through nothing else. "
+         "CPU: median processor time, all cores together. Error: median RMS distance to the truth of the same frames.")
 _COLOUR_FRAMES = 4  # in turn, so that none is left in the processor's cache
 
 
@@ -31,12 +33,13 @@ def measure(effort: Effort) -> Section:
     for size, rounds in zip((HD, UHD), effort.timed, strict=True):
         scene = render("kolubara", size, effort.rendered)
         runners = _runners(scene, effort)
-        laps = race(runners, scene, rounds)
+        alone = _tracker(ALONE, "direct")
+        laps = race(runners, scene, rounds) | race([alone], scene, rounds)
         shares = parts.profile(scene, effort.profiled)
         name = f"{size[0]}x{size[1]}"
-        tables.append(_table(name, runners, laps, TARGET_MS[size]))
+        tables.append(_table(name, [alone, *runners], laps, TARGET_MS[size]))
         tables.append(shares.table(f"Where `{TRACK}` spends its time, {name}"))
-        data[name] = _data(runners, laps, TARGET_MS[size]) | {"share_of_track": dict(shares.shares)}
+        data[name] = _data([alone, *runners], laps, TARGET_MS[size]) | {"share_of_track": dict(shares.shares)}
     return Section("Speed", tables, data)
 
 
@@ -71,7 +74,7 @@ def _gray(name: str, frames: Sequence[Frame]) -> Runner:
 def _tracker(name: str, method: str) -> Runner:
     stabilizer = make_stabilizer({"method": method})
     return Runner(name, lambda frame, _: stabilizer.track(frame).ref_H_cur, tracks=True,
-                  beside="" if name == TRACK else TRACK)
+                  beside="" if method == "direct" else TRACK)
 
 
 def _peer(recipe: Recipe, peer: Peer, every: int) -> Runner:
@@ -92,10 +95,10 @@ def _cv2_warp(frame: Frame, truth: Homography) -> None:
 
 
 def _table(size: str, runners: Sequence[Runner], laps: Mapping[str, Lap], target_ms: float) -> Table:
-    head = ("ms per frame", "5 %", "median", "95 %", "target", "met", "frames", "times", "as long as",
+    head = ("ms per frame", "5 %", "median", "95 %", "target", "met", "CPU", "frames", "times", "as long as",
             "error, px", "lost")
-    rows = [_row(runner, laps, target_ms if runner.name == TRACK else None) for runner in runners]
-    return Table(f"{size} mono8, kolubara", head, rows, "Error: median RMS distance to the truth of the same frames.")
+    rows = [_row(runner, laps, target_ms if runner.name in (TRACK, ALONE) else None) for runner in runners]
+    return Table(f"{size} mono8, kolubara", head, rows, _NOTE)
 
 
 def _row(runner: Runner, laps: Mapping[str, Lap], target_ms: float | None) -> tuple[str, ...]:
@@ -104,7 +107,8 @@ def _row(runner: Runner, laps: Mapping[str, Lap], target_ms: float | None) -> tu
     ratio = number(lap.ratio(laps[runner.beside]), 2) if runner.beside else ""
     error = (number(Spread.of(lap.error_px).median, 3), str(lap.lost)) if runner.tracks else ("", "")
     spread = (number(times.p5, 2), number(times.median, 2), number(times.p95, 2))
-    return (runner.name, *spread, *verdict(times.median, target_ms), str(times.count), ratio, runner.beside, *error)
+    return (runner.name, *spread, *verdict(times.median, target_ms), number(Spread.of(lap.cpu_ms).median, 2),
+            str(times.count), ratio, runner.beside, *error)
 
 
 def _data(runners: Sequence[Runner], laps: Mapping[str, Lap], target_ms: float) -> dict[str, object]:
@@ -113,6 +117,7 @@ def _data(runners: Sequence[Runner], laps: Mapping[str, Lap], target_ms: float) 
         lap = laps[runner.name]
         told[runner.name] = {
             "ms": lap.times().data(),
+            "cpu_ms": Spread.of(lap.cpu_ms).data(),
             **({"error_px": Spread.of(lap.error_px).data(), "lost": lap.lost} if runner.tracks else {}),
             **({"times_as_long": lap.ratio(laps[runner.beside]), "as": runner.beside} if runner.beside else {}),
         }

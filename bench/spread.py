@@ -26,5 +26,8 @@ class Spread:
         return Spread(p5, median, p95, largest, len(values))
 
     def data(self) -> dict[str, float | None]:
-        """For JSON, which knows no NaN."""
-        return {name: None if math.isnan(value) else value for name, value in asdict(self).items()}
+        """For JSON, which knows no NaN; six digits."""
+        told: dict[str, float | None] = {
+            name: None if math.isnan(value) else float(f"{value:.6g}") for name, value in asdict(self).items()
+        }
+        return told | {"count": self.count}

@@ -5,13 +5,18 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from recordings import RECORDERS
 
+from stab_ros.cli import main
 from stab_ros.core.synthetic import Flight, Shot, preset
+
+if TYPE_CHECKING:
+    from live_graph import Graph
 
 SIZE = (480, 270)
 FRAMES = 10
@@ -36,8 +41,24 @@ def recordings(flight: list[Shot], tmp_path_factory: pytest.TempPathFactory) -> 
     return {kind: record(folder, flight) for kind, record in RECORDERS.items()}
 
 
+@pytest.fixture
+def command(capfd: pytest.CaptureFixture[str]) -> Command:
+    """Runs `stab-ros` with these arguments in this process, which need not load every library anew as `executable`."""
+
+    def run(*arguments: object) -> subprocess.CompletedProcess[str]:
+        words = [*map(str, arguments)]
+        capfd.readouterr()
+        try:
+            code: Any = main(words)
+        except SystemExit as end:  # wrong usage
+            code = end.code
+        return subprocess.CompletedProcess(words, code, *capfd.readouterr())  # what C libraries say too
+
+    return run
+
+
 @pytest.fixture(scope="session")
-def command() -> Command:
+def executable() -> Command:
     """Runs `python -m stab_ros` with these arguments in a process of its own, in the folder `cwd`."""
 
     def run(*arguments: object, cwd: Path | None = None, timeout_s: float = 120) -> subprocess.CompletedProcess[str]:
@@ -45,6 +66,17 @@ def command() -> Command:
         return subprocess.run(words, cwd=cwd, capture_output=True, text=True, timeout=timeout_s, check=False)
 
     return run
+
+
+@pytest.fixture
+def graph(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Graph]:
+    """A ROS graph on a domain of its own, whose nodes log to `tmp_path`; messages are checked as they are filled."""
+    from live_graph import graph_in  # the other tests do without ROS
+
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setenv("ROS_PYTHON_CHECK_FIELDS", "1")
+    with graph_in(tmp_path) as graph:
+        yield graph
 
 
 @pytest.fixture

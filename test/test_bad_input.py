@@ -23,7 +23,6 @@ from recordings import (
     write_video,
 )
 
-from stab_ros.cli import main
 from stab_ros.core.synthetic import Shot
 
 # fills a folder, and gives the arguments of the command that must refuse it
@@ -219,28 +218,18 @@ CASES = [
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name.replace(" ", "-"))
 def test_bad_input_is_refused_in_one_line_and_leaves_nothing(
-    case: Case, flight: list[Shot], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    case: Case, flight: list[Shot], command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     arguments = case.arrange(tmp_path, flight)
     before = listing(tmp_path)
     monkeypatch.chdir(tmp_path)
-    capfd.readouterr()
-    code = exit_code(arguments)
-    out, err = capfd.readouterr()  # of the C libraries too
-    assert code == 2, err
-    assert len(err.splitlines()) == 1, err
+    done = command(*arguments)
+    assert done.returncode == 2, done.stderr
+    assert len(done.stderr.splitlines()) == 1, done.stderr
     for words in case.says:
-        assert words in err
-    assert out == ""
+        assert words in done.stderr
+    assert done.stdout == ""
     assert listing(tmp_path) == before
-
-
-def exit_code(arguments: Sequence[object]) -> object:
-    """What the process would end with; wrong usage leaves `main` by SystemExit."""
-    try:
-        return main([str(argument) for argument in arguments])
-    except SystemExit as end:
-        return end.code
 
 
 def listing(folder: Path) -> dict[str, tuple[int, int]]:
@@ -250,9 +239,9 @@ def listing(folder: Path) -> dict[str, tuple[int, int]]:
 
 
 def test_a_video_stream_is_not_judged_by_its_topic_name(
-    flight: list[Shot], command: Command, tmp_path: Path
+    flight: list[Shot], executable: Command, tmp_path: Path
 ) -> None:
     write_video(tmp_path / "in.avi", flight[:2])
-    done = command("stabilize", "in.avi", "out.mcap", "--image-topic", "/cam/image_raw", cwd=tmp_path)
+    done = executable("stabilize", "in.avi", "out.mcap", "--image-topic", "/cam/image_raw", cwd=tmp_path)
     assert done.returncode == 2
     assert "/camera/image_raw" in done.stderr

@@ -24,6 +24,7 @@ from recordings import IMAGE_TOPIC, OTHER_TOPIC, RECORDERS, Entry, entries, to_c
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
+import stab_ros
 from stab_ros.core.synthetic import Shot
 
 JAZZY = get_typestore(Stores.ROS2_JAZZY)
@@ -36,12 +37,13 @@ def contents(path: Path) -> list[tuple[str, int, bytes]]:
         return [(connection.topic, log_time_ns, data) for connection, log_time_ns, data in reader.messages()]
 
 
-def test_help_lists_the_commands(command: Command) -> None:
-    done = command("--help")
+def test_help_lists_the_commands(executable: Command) -> None:
+    done = executable("--help")
     assert done.returncode == 0
     for name in ("stabilize", "convert", "play", "record", "recover", "info"):
         assert name in done.stdout
-        assert command(name, "--help").returncode == 0
+        assert executable(name, "--help").returncode == 0
+    assert executable("--version").stdout == f"stab-ros {stab_ros.__version__}\n"
 
 
 @pytest.mark.parametrize("kind", list(RECORDERS))
@@ -179,7 +181,7 @@ def run_on_a_full_disk(*words: object, cwd: Path, room: int) -> subprocess.Compl
 
 @pytest.mark.parametrize("name", ["stabilize", "convert"])
 def test_a_full_disk_ends_with_1_and_leaves_the_readable_part(
-    name: str, flight: list[Shot], command: Command, tmp_path: Path
+    name: str, flight: list[Shot], executable: Command, tmp_path: Path
 ) -> None:
     long_bag(tmp_path, flight, times=4)
     done = run_on_a_full_disk(name, "long.mcap", "out.mcap", cwd=tmp_path, room=3_000_000)
@@ -189,8 +191,8 @@ def test_a_full_disk_ends_with_1_and_leaves_the_readable_part(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["long.mcap", "out.mcap.partial"]
     with (tmp_path / "out.mcap.partial").open("rb") as file:
         assert sum(isinstance(record, Message) for record in StreamReader(file).records) > 10
-    assert command("info", tmp_path / "out.mcap.partial").returncode == 0
-    assert command("recover", tmp_path / "out.mcap.partial", tmp_path / "fixed.mcap").returncode == 0
+    assert executable("info", tmp_path / "out.mcap.partial").returncode == 0
+    assert executable("recover", tmp_path / "out.mcap.partial", tmp_path / "fixed.mcap").returncode == 0
 
 
 def test_a_full_disk_is_noticed_by_the_video_too(tmp_path: Path) -> None:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stab_ros.core.config import Checked, Value, setting
+from stab_ros.core.config import Checked, setting
 from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.parameters import PARAMETERS, Parameter, checked_values, stabilizer_config
 from stab_ros.io.engine import make_stabilizer, read_config
@@ -27,6 +29,8 @@ def name_of(parameter: Parameter) -> str:
 
 @dataclass(frozen=True)
 class Example(Checked):
+    """Settings of every kind."""
+
     share: float = setting(0.5, "a share", 0.0, 1.0)
     count: int = setting(3, "a count", 1, 9)
     free: float = setting(0.0, "any number")
@@ -61,7 +65,9 @@ def test_numbers_end_at_their_limits(parameter: Parameter) -> None:
 
 
 @pytest.mark.parametrize("parameter", NUMBERS, ids=name_of)
-@pytest.mark.parametrize("value", [float("nan"), float("inf"), float("-inf"), True, "3", None, [3], 10**400])
+@pytest.mark.parametrize("value", [
+    float("nan"), float("inf"), float("-inf"), True, "3", None, [3], pytest.param(10**400, id="too long for a float")
+])
 def test_numbers_are_finite_numbers(parameter: Parameter, value: object) -> None:
     with pytest.raises(ConfigError, match=f"^{parameter.name}: ") as error:
         checked_values({parameter.name: value})
@@ -102,7 +108,7 @@ def test_any_other_name_is_refused_in_one_line(name: str) -> None:
 
 @given(share=st.floats(), count=st.integers(), free=st.floats())
 def test_settings_hold_what_lies_in_range_and_refuse_the_rest(share: float, count: int, free: float) -> None:
-    if 0 <= share <= 1 and 1 <= count <= 9 and free == free:  # noqa: PLR0124 - NaN differs from itself
+    if 0 <= share <= 1 and 1 <= count <= 9 and not math.isnan(free):
         found = Example(share=share, count=count, free=free)
         assert (found.share, found.count, found.free) == (share, count, free)
     else:
@@ -111,10 +117,10 @@ def test_settings_hold_what_lies_in_range_and_refuse_the_rest(share: float, coun
 
 
 def test_settings_refuse_wrong_kinds() -> None:
-    wrong: list[dict[str, Value]] = [{"kind": "c"}, {"kind": 1}, {"flag": 1}, {"count": 2.0}, {"count": True}]
+    wrong: list[dict[str, Any]] = [{"kind": "c"}, {"kind": 1}, {"flag": 1}, {"count": 2.0}, {"count": True}]
     for values in wrong:
         with pytest.raises(ConfigError, match=f"^{next(iter(values))}: "):
-            Example(**values)  # type: ignore[arg-type] # the wrong types are the point
+            Example(**values)
 
 
 def test_values_reach_the_settings_of_their_method() -> None:
@@ -157,7 +163,7 @@ def test_what_the_node_alone_reads_is_passed_over(tmp_path: Path) -> None:
     ("method: klt\n", "not a ROS parameter file"),
     ("/**: {ros__parameters: {method: klt}", "not a readable YAML file"),
     ("/**:\n\tros__parameters: {}\n", "not a readable YAML file"),
-    ("/**:\n  method: klt\n", "ros__parameters must hold"),
+    ("/**:\n  method: klt\n", "must hold .*ros__parameters|ros__parameters must hold"),
     ("/**:\n  ros__parameters: [method, klt]\n", "ros__parameters must hold"),
     ("/**: {ros__parameters: {methd: klt}}", "'methd' is unknown, did you mean method"),
     ("/**: {ros__parameters: {threshold: .nan}}", "threshold: nan is out of range"),
@@ -166,7 +172,7 @@ def test_what_the_node_alone_reads_is_passed_over(tmp_path: Path) -> None:
     ("/**: {ros__parameters: {on_lost: no}}", "on_lost: False is a bool"),
     ("/**: {ros__parameters: {1: 2}}", "'1' is unknown"),
     ("camera: {ros__parameters: {method: klt}}", "camera.*tracker_node"),
-    ("[" * 20000, "not a readable YAML file"),
+    pytest.param("[" * 2000, "not a readable YAML file", id="nested too deep"),
     ("!!python/object/apply:os.getcwd []", "not a readable YAML file"),
 ])
 def test_a_bad_file_is_one_line(tmp_path: Path, text: str, complaint: str) -> None:

@@ -28,7 +28,7 @@ every_model = pytest.mark.parametrize("model", list(MODELS))
 
 
 def points(n: int, seed: int = 1) -> FloatArray:
-    return np.random.default_rng(seed).uniform(0, 1, (n, 2)) * (np.array(SIZE) - 1)
+    return np.asarray(np.random.default_rng(seed).uniform(0, 1, (n, 2)) * (np.array(SIZE) - 1))
 
 
 def pairs_of(reference_px: FloatArray, current_px: FloatArray, information: FloatArray | None = None,
@@ -274,16 +274,15 @@ def test_claimed_sigma_is_honest(model: str, estimator: str, features: str) -> N
     corners = np.tile(np.eye(2) * 0.05**2, (150, 1, 1))
     covariances = corners if features == "corners" else edges(150, 1.0, 0.03, 4)
     scatter_px, claimed_px, ratio = empirical(model, estimator, covariances, outliers=0.0)
-    assert claimed_px / 1.15 < scatter_px * (1.0 if estimator != "magsac" else 1.3)
-    assert scatter_px < 1.1 * claimed_px  # better too modest than too sure
-    assert ratio.max() < 1.2  # also at the corners of the frame, not only on the whole
-    assert ratio.min() > 0.6
+    assert 0.8 < scatter_px / claimed_px < 1.2
+    assert ratio.max() < 1.3  # also at the corners of the frame, not only on the whole
+    assert ratio.min() > 0.7
 
 
 @every_robust
 def test_claimed_sigma_is_honest_among_outliers(estimator: str) -> None:
     scatter_px, claimed_px, _ = empirical("projective", estimator, np.tile(np.eye(2) * 0.05**2, (200, 1, 1)), 0.4)
-    assert 0.6 < scatter_px / claimed_px < 1.15
+    assert 0.8 < scatter_px / claimed_px < 1.2
 
 
 @every_estimator

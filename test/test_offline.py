@@ -29,9 +29,9 @@ from stab_ros.core.synthetic import Shot
 
 @pytest.mark.parametrize("kind", list(RECORDERS))
 def test_every_kind_of_input_comes_out_as_true_homographies_in_a_bag(
-    kind: str, flight: list[Shot], recordings: dict[str, Path], command: Command, tmp_path: Path
+    kind: str, flight: list[Shot], recordings: dict[str, Path], executable: Command, tmp_path: Path
 ) -> None:
-    out, err = run(command, recordings[kind], tmp_path / "out.mcap", "--homographies", tmp_path / "H.csv")
+    out, err = run(executable, recordings[kind], tmp_path / "out.mcap", "--homographies", tmp_path / "H.csv")
     assert "10 frames: 10 tracked, 0 lost" in out
     assert err == ""  # no progress bar, no warning
 
@@ -99,7 +99,7 @@ def test_the_other_topics_are_taken_over_byte_for_byte(
         assert messages(tmp_path / f"{kind}.mcap")[OTHER_TOPIC] == expected, kind
 
 
-def test_raw_images_are_kept_and_stabilised_ones_left_out_on_request(
+def test_raw_images_of_a_bag_are_kept_byte_for_byte(
     flight: list[Shot], recordings: dict[str, Path], command: Command, tmp_path: Path
 ) -> None:
     run(command, recordings["mcap"], tmp_path / "out.mcap", "--keep-raw", "--no-image", "--limit", 4)
@@ -108,6 +108,20 @@ def test_raw_images_are_kept_and_stabilised_ones_left_out_on_request(
     assert [data for _, data in found[IMAGE_TOPIC]] == raw
     assert {topic: len(data) for topic, data in found.items()} == {
         IMAGE_TOPIC: 4, OTHER_TOPIC: 4, "/cam/homography": 4, "/cam/track": 4}
+
+
+@pytest.mark.parametrize("kind", ["rosbag1", "folder", "video"])
+def test_all_options_go_together(kind: str, recordings: dict[str, Path], command: Command, tmp_path: Path) -> None:
+    run(command, recordings[kind], tmp_path / "out.mcap", "--limit", 4, "--fps", 8, "--no-image", "--keep-raw",
+        "--video", tmp_path / "V.mp4", "--homographies", tmp_path / "H.csv", "-p", "on_lost:=hold")
+    namespace, others = ("/cam", [OTHER_TOPIC]) if kind == "rosbag1" else ("/camera", [])
+    names = [f"{namespace}/{name}" for name in ("homography", "image_raw", "track")] + others
+    assert {topic: len(data) for topic, data in messages(tmp_path / "out.mcap").items()} == dict.fromkeys(names, 4)
+    rows = table(tmp_path / "H.csv")
+    step_ns = int(rows[3]["stamp_ns"]) - int(rows[2]["stamp_ns"])
+    assert (len(rows), step_ns) == (4, 200_000_000 if kind == "rosbag1" else 125_000_000)  # a bag has its own stamps
+    assert len(frames_of(tmp_path / "V.mp4")) == 4
+    assert cv2.VideoCapture(str(tmp_path / "V.mp4")).get(cv2.CAP_PROP_FPS) == pytest.approx(8)
 
 
 def test_raw_images_of_a_video_are_kept_as_messages(

@@ -35,7 +35,7 @@ def picture(ref_H_cur: Homography = IDENTITY, size: tuple[int, int] = SIZE, seed
     total = np.zeros(size[::-1])
     for dx, dy in ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)):
         total += sampled(ref_H_cur, x + dx, y + dy, size, seed)
-    grain = np.random.default_rng([seed, *np.abs(ref_H_cur.view(np.int64)).ravel().tolist()]).normal(0, noise, x.shape)
+    grain = np.random.default_rng([seed, *ref_H_cur.tobytes()]).normal(0, noise, x.shape)
     return np.asarray(np.clip(np.round(gain * total / 4 + offset + grain), 0, 255), np.uint8)
 
 

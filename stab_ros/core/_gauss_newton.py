@@ -10,15 +10,15 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 
+from stab_ros.core.kernels import kernel
 from stab_ros.core.types import BoolArray, FloatArray, Homography
 
 _SINGULAR = 1e-10  # of the pivots of a matrix with a unit diagonal
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def squared_residuals(H: Homography, reference: FloatArray, current: FloatArray, shape: FloatArray) -> FloatArray:
     """e^T shape e of every feature, px^2; infinite where H puts it behind the camera."""
     out = np.empty(len(current))
@@ -34,13 +34,13 @@ def squared_residuals(H: Homography, reference: FloatArray, current: FloatArray,
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def look_up(table: FloatArray, relative: float, beyond: float) -> float:
     """The table's value at `relative` in [0, 1); `beyond` from there on."""
     return table[int(relative * (len(table) - 1))] if relative < 1 else beyond
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def weigh(relative: FloatArray, table: FloatArray, beyond: float) -> FloatArray:
     """(N,) the table's value at each."""
     out = np.empty(len(relative))
@@ -49,7 +49,7 @@ def weigh(relative: FloatArray, table: FloatArray, beyond: float) -> FloatArray:
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def least_loss(candidates: FloatArray, reference: FloatArray, current: FloatArray, shape: FloatArray, trust: FloatArray,
                noise: FloatArray, loss: FloatArray, threshold_px: float, octaves: int) -> tuple[int, float]:
     """Which of the (M, 3, 3) candidates has the least trust-weighted loss, and that loss.
@@ -71,7 +71,7 @@ def least_loss(candidates: FloatArray, reference: FloatArray, current: FloatArra
     return best, least / octaves
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def typical_residual(H: Homography, reference: FloatArray, current: FloatArray, shape: FloatArray,
                      chosen: BoolArray) -> float:
     """Median residual of the chosen features, px; infinite where there are none."""
@@ -79,7 +79,7 @@ def typical_residual(H: Homography, reference: FloatArray, current: FloatArray, 
     return np.sqrt(np.median(squared)) if len(squared) else np.inf
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def variances_along(H: Homography, reference: FloatArray, current: FloatArray, information: FloatArray,
                     chosen: BoolArray) -> tuple[float, float]:
     """Robust variance of the residuals of the chosen features, and the one they claim, px^2.
@@ -101,7 +101,7 @@ def variances_along(H: Homography, reference: FloatArray, current: FloatArray, i
     return (1.4826 * np.median(along[certain])) ** 2, np.median(claimed[certain])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def accumulate(H: Homography, reference: FloatArray, current: FloatArray, information: FloatArray, weight: FloatArray,
                centre: FloatArray, radius: float, k: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Sums over the features of w J^T Omega J (k, k) and of w J^T Omega e (k,), and the variance of the latter.
@@ -141,7 +141,7 @@ def accumulate(H: Homography, reference: FloatArray, current: FloatArray, inform
     return normal, right, claimed, shown
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def solve(normal: FloatArray, right: FloatArray) -> tuple[bool, FloatArray]:
     """Cholesky on the matrix scaled to a unit diagonal; False where it is singular."""
     k = len(right)
@@ -173,7 +173,7 @@ def solve(normal: FloatArray, right: FloatArray) -> tuple[bool, FloatArray]:
     return True, x * scale
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def compose(delta: FloatArray, H: Homography, centre: FloatArray, radius: float) -> Any:
     """H followed by the small motion `delta` (k,), px; normalised to h22 = 1."""
     d = np.zeros(8)
@@ -185,7 +185,7 @@ def compose(delta: FloatArray, H: Homography, centre: FloatArray, radius: float)
     return moved / moved[2, 2]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def product(a: FloatArray, b: FloatArray) -> FloatArray:
     """Of two 3x3 matrices; numba's own would need scipy."""
     out = np.zeros((3, 3))
@@ -195,7 +195,7 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def polish(H: Homography, reference: FloatArray, current: FloatArray, information: FloatArray, shape: FloatArray,
            trust: FloatArray, noise: FloatArray, table: FloatArray, beyond: float, threshold_px: float,
            centre: FloatArray, radius: float, k: int, steps: int, converged_px: float) -> tuple[bool, Homography]:

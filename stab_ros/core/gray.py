@@ -21,7 +21,7 @@ def depth_scale(frame: Frame) -> float:
 
     Fixed by the reference and used for all frames after it, so that brightness stays comparable.
     """
-    if frame.encoding != "mono16":
+    if frame.encoding != "mono16" or not frame.image.size:
         return 1.0
     brightest = float(np.percentile(frame.image[::4, ::4], 99.9))
     return 0.9 * _FULL_8_BIT / brightest if brightest > 0 else 1.0

@@ -10,7 +10,7 @@ import numpy as np
 from stab_ros.core.types import Frame, Gray, Homography
 
 _BLOCK_PX = 16  # of the quarter-size picture
-_LEAST_GRADIENT = 0.3  # squared, grey levels^2 per px^2 of the quarter-size picture: noise has averaged out there
+_LEAST_GRADIENT = 0.5  # squared, grey levels^2 per px^2 of the quarter-size picture: noise has averaged out there
 _LEAST_BLOCKS = 6
 
 

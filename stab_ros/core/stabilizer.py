@@ -148,11 +148,13 @@ class Stabilizer:
 
     def _start(self, index: int, frame: Frame) -> Track:
         """Take a copy of the frame as the reference, if there is anything in it to find again."""
-        frame = dataclasses.replace(frame, image=frame.image.copy())  # the caller may use its buffer again
-        reference = Reference(frame, self._gray(frame, depth_scale(frame)), depth_scale(frame))
-        allowed = self._area.allowed(frame.size)
-        if not is_textured(reference.gray) or not self._prepare(reference, self._config, allowed):
-            self._reference = None
+        scale = depth_scale(frame)
+        gray = self._gray(frame, scale)
+        if not is_textured(gray):
+            return self._lost(index, frame, 0)
+        own = dataclasses.replace(frame, image=frame.image.copy())  # the caller may use its buffer again
+        reference = Reference(own, gray.copy(), scale)
+        if not self._prepare(reference, self._config, self._area.allowed(frame.size)):
             return self._lost(index, frame, 0)
         self._motion = Motion(np.eye(3), frame.stamp_ns)
         self._references += 1

@@ -93,13 +93,30 @@ def _node(name: str, log: Path, parameters: Mapping[str, object], *remaps: str) 
     for key, value in parameters.items():
         words += ["-p", f"{key}:={json.dumps(value)}"]
     said = log / f"{name}.txt"
-    with said.open("wb") as output:
-        process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
-                                   start_new_session=True)
+    process: subprocess.Popen[bytes] | None = None
     try:
+        with said.open("wb") as output, _signals_wait():
+            process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
+                                       start_new_session=True)
         yield _Node(name, process, said)
     finally:
-        _stop(process)
+        if process is not None:
+            _stop(process)
+
+
+@contextmanager
+def _signals_wait() -> Iterator[None]:
+    """A Ctrl-C takes effect at the end: in the midst of starting a process it would leave one that nobody knows."""
+    caught: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = {number: signal.signal(number, lambda caught_now, _: caught.append(caught_now)) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if caught:
+        raise KeyboardInterrupt
 
 
 def _stop(process: subprocess.Popen[bytes]) -> None:

@@ -1,0 +1,166 @@
+"""The picture that comes out: warped as OpenCV would, freed of lens distortion, and as image_proc makes it."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import cv2
+import numpy as np
+import pytest
+from truth import (
+    IDENTITY,
+    SIZE,
+    error_px,
+    frame,
+    picture,
+    projective,
+    sampled,
+    similarity,
+    translation,
+)
+
+from stab_ros.core.camera import Camera
+from stab_ros.core.errors import InputError
+from stab_ros.core.types import FloatArray, Gray, Homography
+from stab_ros.core.warp import INTERPOLATION
+from stab_ros.io.engine import make_stabilizer
+from stab_ros.methods import METHODS
+
+INNER = np.s_[40:-40, 40:-40]
+
+
+@pytest.mark.parametrize("interpolation", list(INTERPOLATION))
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_the_warp_is_opencv_s(interpolation: str, channels: int) -> None:
+    stabilizer = make_stabilizer({"interpolation": interpolation})
+    stabilizer.track(frame(picture()))
+    grey = picture(projective())
+    image = grey if channels == 1 else np.dstack([grey] * channels)
+    encoding = {1: "mono8", 3: "bgr8", 4: "bgra8"}[channels]
+    done = stabilizer.step(frame(image, 1, encoding))
+    assert done.image is not None
+    expected = cv2.warpPerspective(image, done.track.ref_H_cur, SIZE, flags=INTERPOLATION[interpolation])
+    difference = np.abs(done.image.astype(int) - expected.astype(int))[INNER]
+    assert np.percentile(difference, 99) <= 1
+
+
+def test_beyond_the_border_is_black() -> None:
+    stabilizer = make_stabilizer({})
+    stabilizer.track(frame(picture()))
+    done = stabilizer.step(frame(picture(translation(30, 0)), 1))
+    assert done.image is not None
+    assert not done.image[:, :29].any()
+    assert (done.image[:, 31:] > 0).mean() > 0.99
+
+
+# --- lens ------------------------------------------------------------------------------------------------------------
+
+K = np.array([[380.0, 0, 203], [0, 381, 148], [0, 0, 1]])
+D = np.array([-0.12, 0.03, 0.001, -0.0015, 0.004])
+LENS = Camera(K, D, "plumb_bob", SIZE)
+
+
+def plumb_bob(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Where the lens shows the ideal pixels: the model of sensor_msgs/distortion_models.hpp written out."""
+    k1, k2, p1, p2, k3 = D
+    u, v = (x - K[0, 2]) / K[0, 0], (y - K[1, 2]) / K[1, 1]
+    r2 = u**2 + v**2
+    radial = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
+    seen_u = u * radial + 2 * p1 * u * v + p2 * (r2 + 2 * u**2)
+    seen_v = v * radial + p1 * (r2 + 2 * v**2) + 2 * p2 * u * v
+    return seen_u * K[0, 0] + K[0, 2], seen_v * K[1, 1] + K[1, 2]
+
+
+@cache
+def ideal_px(dx: float, dy: float) -> tuple[FloatArray, FloatArray]:
+    """Where each pixel, off by (dx, dy), would lie without distortion: by fixed-point iteration."""
+    seen_x, seen_y = np.meshgrid(np.arange(SIZE[0]) + dx, np.arange(SIZE[1]) + dy)
+    x, y = seen_x, seen_y
+    for _ in range(20):
+        back_x, back_y = plumb_bob(x, y)
+        x, y = x + seen_x - back_x, y + seen_y - back_y
+    return x, y
+
+
+def distorted(ref_H_cur: Homography, noise: float = 1.0) -> Gray:
+    """What the camera with the lens sees."""
+    quarters = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
+    total = np.sum([sampled(ref_H_cur, *ideal_px(dx, dy), SIZE, 1) for dx, dy in quarters], axis=0)
+    grain = np.random.default_rng([3, *ref_H_cur.tobytes()]).normal(0, noise, total.shape)
+    return np.asarray(np.clip(np.round(total / 4 + grain), 0, 255), np.uint8)
+
+
+@pytest.mark.parametrize("method", list(METHODS))
+def test_with_the_camera_a_distorted_scene_is_tracked_to_the_truth(method: str) -> None:
+    H = similarity(4.0, 1.02, 9.0, -7.0)
+    images = [distorted(IDENTITY), distorted(H)]
+    blind, knowing = make_stabilizer({"method": method}), make_stabilizer({"method": method}, LENS)
+    tracks = [[s.track(frame(image, index)) for index, image in enumerate(images)][1] for s in (blind, knowing)]
+    assert error_px(tracks[1], H) < (0.03 if method == "direct" else 0.1)
+    assert not tracks[0].tracked or error_px(tracks[0], H) > 0.2
+
+
+def test_the_warp_undoes_distortion_too() -> None:
+    H, stabilizer = translation(6.4, -3.2), make_stabilizer({}, LENS)
+    stabilizer.track(frame(distorted(IDENTITY)))
+    image = distorted(H, noise=0)
+    done = stabilizer.step(frame(image, 1))
+    assert done.image is not None
+    in_two_steps = cv2.warpPerspective(cv2.undistort(image, K, D), done.track.ref_H_cur, SIZE)
+    truth = picture(noise=0)
+    one, two = (np.abs(i[INNER].astype(int) - truth[INNER].astype(int)) for i in (done.image, in_two_steps))
+    assert np.abs(done.image[INNER].astype(int) - in_two_steps[INNER].astype(int)).mean() < 3
+    assert one.mean() < two.mean()  # interpolated once, it is sharper
+    assert one.mean() < 0.15 * truth.std()
+
+
+def test_the_camera_must_fit_the_frames() -> None:
+    stabilizer = make_stabilizer({}, Camera(K, D, "plumb_bob", (640, 480)))
+    with pytest.raises(InputError, match="camera_info is for 640x480 px, the images have 400x300"):
+        stabilizer.track(frame(picture()))
+
+
+def test_a_camera_without_distortion_changes_nothing() -> None:
+    results = []
+    for camera in (None, Camera(K, np.zeros(5), "plumb_bob", SIZE), Camera(K, np.zeros(0), "", SIZE)):
+        stabilizer = make_stabilizer({}, camera)
+        stabilizer.track(frame(picture()))
+        results.append(stabilizer.step(frame(picture(projective()), 1)))
+    for other in results[1:]:
+        np.testing.assert_array_equal(results[0].track.ref_H_cur, other.track.ref_H_cur)
+        np.testing.assert_array_equal(results[0].image, other.image)
+
+
+@pytest.mark.parametrize(("K_", "D_", "model", "complaint"), [
+    (np.zeros((3, 3)), np.zeros(5), "plumb_bob", "not calibrated"),
+    (np.diag([-300.0, 300, 1]), np.zeros(5), "plumb_bob", "not calibrated"),
+    (np.eye(2), np.zeros(5), "plumb_bob", "3x3"),
+    (np.diag([np.nan, 300, 1]), np.zeros(5), "plumb_bob", "finite"),
+    (K, np.array([np.inf, 0, 0, 0, 0]), "plumb_bob", "finite"),
+    (K, np.full(4, 0.1), "equidistant", "equidistant.*plumb_bob"),
+    (K, np.full(7, 0.1), "plumb_bob", "7 coefficients do not fit"),
+])
+def test_impossible_cameras_are_refused(K_: FloatArray, D_: FloatArray, model: str, complaint: str) -> None:
+    with pytest.raises(InputError, match=complaint) as error:
+        Camera(K_, D_, model, SIZE)
+    assert len(str(error.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("camera", [None, LENS], ids=["no camera", "lens"])
+def test_image_proc_makes_the_same_picture_of_our_camera_info(camera: Camera | None) -> None:
+    image = picture(projective()) if camera is None else distorted(projective())
+    stabilizer = make_stabilizer({}, camera)
+    stabilizer.track(frame(picture() if camera is None else distorted(IDENTITY)))
+    done = stabilizer.step(frame(image, 1))
+    assert done.image is not None
+    if camera is None:  # the contract's camera_info: H = P[:, :3] R K^-1, here with R = H, K = P = I
+        K_, D_, R, P = np.eye(3), np.zeros(5), done.track.ref_H_cur, np.eye(3)
+    else:
+        K_, D_, P = K, D, K
+        assert done.track.ref_H_cur is not None
+        R = np.linalg.inv(K) @ done.track.ref_H_cur @ K
+    maps = cv2.initUndistortRectifyMap(K_, D_, R, P, SIZE, cv2.CV_16SC2)
+    rectified = cv2.remap(image, *maps, cv2.INTER_LINEAR)
+    difference = np.abs(rectified[INNER].astype(int) - done.image[INNER].astype(int))
+    assert (difference <= 1).mean() >= 0.95
+    assert difference.max() <= 8
