@@ -25,7 +25,7 @@ from stab_ros.methods._patches import Patches
 
 _COARSEST_PX = 60  # no pyramid level has a side shorter than this
 _COARSE_PATCHES = 150  # of each coarser level
-_ALIGNING_PATCHES = 500  # at full resolution; all patches measure only once, when the alignment stands
+_ALIGNING_PATCHES = 400  # at full resolution; all patches measure only once, when the alignment stands
 _TRUSTED = 0.3
 _LINEAR_PX = 2.0  # beyond, a displacement is no measurement any more
 
@@ -40,7 +40,7 @@ class Steps:
     converged_px: float
 
 
-_COARSE = Steps(3, "affine", 1.0, 0.05)
+_COARSE = Steps(3, "affine", 1.0, 0.2)
 _FINE = Steps(4, "projective", 0.5, 0.01)
 
 

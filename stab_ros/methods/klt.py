@@ -1,7 +1,8 @@
 """Shi-Tomasi corners followed by the pyramidal Lucas-Kanade tracker, checked there and back.
 
 The tracker of KLT-IV (Perks 2020, section 2.1) in OpenCV's implementation (Bouguet 2001), run from the reference
-straight to the current frame with the predicted homography as the start, so that no drift accumulates.
+straight to the current frame with the predicted homography as the start, so that no drift accumulates. The corners are
+spread evenly: ranked over the whole picture, most would lie where the texture is strongest, which may be the water.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from stab_ros.core.config import Checked, setting
 from stab_ros.core.geometry import apply
 from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray
+from stab_ros.methods import _patches
 
 _SIGMA_PX = 0.1  # of one tracked corner; measured on synthetic scenes with 2 grey levels of noise
 
@@ -23,9 +25,8 @@ _SIGMA_PX = 0.1  # of one tracked corner; measured on synthetic scenes with 2 gr
 class KltConfig(Checked):
     """Parameters `klt.*`."""
 
-    corners: int = setting(1000, "most corners to follow", 8, 10000)
-    quality: float = setting(0.01, "weakest corner against the strongest (minimum eigenvalue)", 1e-4, 1.0)
-    min_distance: float = setting(12.0, "least distance between corners, px", 1.0, 500.0)
+    corners: int = setting(1000, "number of corners to follow, spread evenly", 8, 10000)
+    min_texture: float = setting(0.5, "least mean squared gradient of a window, grey levels^2 per px^2", 0.01, 1e4)
     block: int = setting(21, "side of the window that is followed, px", 5, 101)
     levels: int = setting(5, "pyramid levels", 1, 8)
     max_bidirectional: float = setting(0.5, "a corner that misses itself there and back by more is dropped, px",
@@ -40,9 +41,8 @@ class Klt:
     def __init__(self, reference: Gray, allowed: BoolArray, config: KltConfig) -> None:
         """reference: (h, w) uint8. allowed: (h, w) bool, where corners may lie."""
         self._config, self._reference = config, reference
-        found = cv2.goodFeaturesToTrack(reference, config.corners, config.quality, config.min_distance,
-                                        mask=allowed.astype(np.uint8))
-        self._corners = np.zeros((0, 2), np.float32) if found is None else found.reshape(-1, 2).astype(np.float32)
+        centres = _patches.choose(reference, allowed, config.corners, config.block // 2, config.min_texture)
+        self._corners = centres.astype(np.float32)
 
     @property
     def reference_px(self) -> FloatArray:
