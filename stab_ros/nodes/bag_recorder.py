@@ -23,8 +23,9 @@ def record(given: Mapping[str, object]) -> int:
 
 
 def _run(stop: StopRequest, given: Mapping[str, object]) -> int:
-    from stab_ros.nodes.bag_recorder_node import BagRecorderNode
-    from stab_ros.nodes.runtime import run
+    with stop.while_importing():
+        from stab_ros.nodes.bag_recorder_node import BagRecorderNode
+        from stab_ros.nodes.runtime import run
 
     return run(lambda: BagRecorderNode(given), stop)
 

@@ -73,7 +73,7 @@ class StabNode(Node):
         self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
 
     def prepare(self) -> None:
-        """What takes long and may be interrupted by a signal."""
+        """What is to be done before the node says that it is ready."""
 
     def work(self, spinner: Spinner) -> None:
         """The node's life; returns when `spinner.stopping`, or when there is nothing left to do."""
@@ -97,6 +97,7 @@ def run(make: Callable[[], StabNode], stop: StopRequest) -> int:
     Raises:
         InputError: bad ROS arguments or parameters. WorkError: the node's work broke off.
     """
+    stop.defer()  # an exception in the middle of rclpy or of a destructor would be lost or leave a trace
     keep_freed_memory()
     _init()
     try:
@@ -104,7 +105,6 @@ def run(make: Callable[[], StabNode], stop: StopRequest) -> int:
         node.stop = stop
         _warn_of_little_shared_memory(node)
         node.prepare()
-        stop.defer()
         _spin(node, stop)
     finally:
         rclpy.try_shutdown()

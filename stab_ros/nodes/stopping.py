@@ -6,9 +6,11 @@ before the heavy imports, so that a Ctrl-C during start is a clean end too.
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import FrameType
 
 from stab_ros.core.errors import InputError, StabRosError
@@ -21,12 +23,22 @@ class StopRequest:
     def __init__(self) -> None:
         self.requested = False
         self._deferred = False
+        self._importing = False
+
+    @contextmanager
+    def while_importing(self) -> Iterator[None]:
+        """A signal ends the process at once: raised in the middle of an import it may come out as another error."""
+        self._importing = True
+        yield
+        self._importing = False
 
     def defer(self) -> None:
         """From now on work is not interrupted; whoever works looks at `requested`."""
         self._deferred = True
 
     def on_signal(self, _number: int, _frame: FrameType | None) -> None:
+        if self._importing:
+            os._exit(0)  # no DDS yet, so nothing of it is left behind
         first, self.requested = not self.requested, True
         if first and not self._deferred:
             raise KeyboardInterrupt

@@ -13,8 +13,12 @@ def main() -> int:
 
 
 def _run(stop: StopRequest) -> int:
-    from stab_ros.nodes.runtime import run
-    from stab_ros.nodes.tracker_node import TrackerNode
+    with stop.while_importing():
+        from stab_ros.nodes.runtime import run
+        from stab_ros.nodes.tracker_node import TrackerNode
+        from stab_ros.nodes.warm_up import warm_up
+
+        warm_up({})  # the first time this compiles for seconds
 
     return run(TrackerNode, stop)
 
