@@ -1,0 +1,70 @@
+"""What is measured of one stabilised frame, by the names of the topic `~/metrics`."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from enum import Enum
+
+import numpy as np
+
+from stab_ros.core.types import BoolArray, FloatArray
+from stab_ros.metrics.velocity_field import Field
+
+
+class Outcome(Enum):
+    """What became of a frame in the evaluation; statistics are over MEASURED frames alone."""
+
+    REFERENCE = "REFERENCE"
+    MEASURED = "MEASURED"
+    LOST = "LOST"
+    NO_IMAGE = "NO_IMAGE"
+
+
+# name and unit of every number of a frame; those of the contract first
+UNITS: Mapping[str, str] = {
+    "rmsd_reference": "grey levels",
+    "rmsd_previous": "grey levels",
+    "displacement_reference_px": "px",
+    "displacement_previous_px": "px",
+    "rmse_reference_px": "px",
+    "rmse_previous_px": "px",
+    "checkpoints": "",
+    "shift_u_px": "px",
+    "shift_v_px": "px",
+    "position_error_m": "m",
+    "velocity_error_m_s": "m/s",
+    "brightness_change": "",
+    "noise_sigma": "grey levels",
+    "points_used": "",
+    "points_beyond_range": "",
+    "identical_frames": "",
+}
+# those that exist for every verification point too
+POINT_METRICS = ("rmsd_reference", "rmsd_previous", "displacement_reference_px", "displacement_previous_px",
+                 "shift_u_px", "shift_v_px")
+
+
+def _no_points() -> Mapping[str, FloatArray]:
+    return {name: np.empty(0) for name in POINT_METRICS}
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class FrameMetrics:
+    """The measures of one frame; a name that is missing in `values` could not be, or was not to be measured.
+
+    frame: its number in the stream, from 0. values: by the names of UNITS, means over the static points.
+    points: for each of POINT_METRICS the values of all verification points (P,), NaN where there is none.
+    static: (P,) bool, the points that count in the means. field: the residual velocity field, on check frames.
+    """
+
+    frame: int
+    stamp_ns: int
+    outcome: Outcome
+    values: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    points: Mapping[str, FloatArray] = dataclasses.field(default_factory=_no_points)
+    static: BoolArray = dataclasses.field(default_factory=lambda: np.empty(0, bool))
+    field: Field | None = None
+
+    def __getitem__(self, name: str) -> float | None:
+        return self.values.get(name)

@@ -1,0 +1,131 @@
+"""A picture against itself, shifted by known amounts: the RMSD (Ljubicic et al. 2021, Eq. 2) that each shift makes.
+
+Shifts are made by a windowed sinc, in eight directions (a warp of OpenCV would round 0.05 px to 1/32 px). What the
+picture's own noise adds to such a RMSD follows exactly from the taps of the sinc, and is taken out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import cv2
+import numpy as np
+
+from stab_ros.core.kernels import kernel
+from stab_ros.core.types import FloatArray, Gray, IdArray
+
+SHIFTS_PX = np.array([0.1, 0.25, 0.5, 0.75, 1, 1.5, 2, 2.5, 3, 3.5, 4, 4.5, 5, 5.5, 6, 6.5, 7, 7.5, 8])
+DIRECTIONS = 8
+_REACH = 6  # of the sinc, px to either side
+MARGIN_PX = int(SHIFTS_PX[-1]) + _REACH  # what a sweep reads around its window
+
+
+class Sweep:
+    """The RMSD of a picture against itself, shifted: by all of SHIFTS_PX in all directions, free of noise."""
+
+    def __init__(self, reference: Gray, noise_sigma: float) -> None:
+        """reference: (h, w) uint8. noise_sigma: of its white noise, grey levels."""
+        border = (MARGIN_PX,) * 4
+        self._picture = cv2.copyMakeBorder(reference, *border, cv2.BORDER_REFLECT_101).astype(np.float32)
+        self._noise_variance = noise_sigma**2
+
+    def rmsd(self, centre_px: tuple[int, int], windows_px: Sequence[int]) -> FloatArray:
+        """(windows, shifts, directions) float64, grey levels, for odd windows about one centre (x, y)."""
+        half = np.asarray(windows_px) // 2
+        x, y = (c + MARGIN_PX for c in centre_px)
+        shifts = _shifts()
+        rings = _ring_squares(self._picture, x, y, int(half.max()), shifts.whole_px, shifts.taps)
+        means = np.cumsum(rings, axis=1)[:, half] / (2 * half + 1.0) ** 2
+        free = np.maximum(means - self._noise_variance * shifts.noise_share[:, None], 0)
+        return np.asarray(np.sqrt(free).T.reshape(len(half), len(SHIFTS_PX), DIRECTIONS))
+
+
+@dataclass(frozen=True, eq=False)
+class _Shifts:
+    """Every shift of a sweep, S = shifts x directions of them, as a whole step and the taps of a fraction.
+
+    whole_px: (S, 2) int64, x then y. taps: (S, 2, 2 reach) float32. noise_share: (S,) the variance of (shifted minus
+    unshifted) for a picture of white noise of variance 1.
+    """
+
+    whole_px: IdArray
+    taps: FloatArray
+    noise_share: FloatArray
+
+
+@cache
+def _shifts() -> _Shifts:
+    angle = np.arange(DIRECTIONS) * 2 * np.pi / DIRECTIONS
+    unit = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    source = np.round(-SHIFTS_PX[:, None, None] * unit, 9).reshape(-1, 2)  # where the content now here came from
+    whole = np.floor(source)
+    taps = _sinc_taps(source - whole)
+    own = np.array([_own_share(*pair) for pair in zip(whole.astype(np.int64), taps, strict=True)])
+    noise_share = 1 + np.prod(np.sum(taps**2, axis=2), axis=1) - 2 * own
+    return _Shifts(whole.astype(np.int64), taps.astype(np.float32), noise_share)
+
+
+def _sinc_taps(fraction: FloatArray) -> FloatArray:
+    """(S, 2, 2 reach) float64 of the Kaiser-windowed sinc that samples `fraction` (S, 2) past the middle tap."""
+    t = fraction[..., None] - np.arange(1 - _REACH, _REACH + 1)
+    taps = np.sinc(t) * np.i0(7 * np.sqrt(np.clip(1 - (t / _REACH) ** 2, 0, None)))
+    return np.asarray(taps / taps.sum(axis=-1, keepdims=True))
+
+
+def _own_share(whole_px: IdArray, taps: FloatArray) -> float:
+    """With what weight a shifted pixel holds the pixel it is compared with."""
+    column, row = _REACH - 1 - whole_px
+    inside = 0 <= column < 2 * _REACH and 0 <= row < 2 * _REACH
+    return float(taps[0, column] * taps[1, row]) if inside else 0.0
+
+
+@kernel()
+def _ring_squares(picture: Any, x: int, y: int, half: int, whole_px: Any, taps: Any) -> Any:
+    """(S, half + 1): squared differences between picture and shifted picture, summed over square rings about (x, y).
+
+    Rings, because their running sums are those of all windows up to 2 half + 1 at once.
+    """
+    side, reach = 2 * half + 1, taps.shape[2]
+    rings = np.zeros((len(whole_px), half + 1))
+    wide = np.empty((side + reach - 1, side), np.float32)
+    line = np.empty(side, np.float32)
+    for s in range(len(whole_px)):
+        left = x - half + whole_px[s, 0] - reach // 2 + 1
+        top = y - half + whole_px[s, 1] - reach // 2 + 1
+        for row in range(side + reach - 1):
+            _weighted(picture[top + row], left, taps[s, 0], wide[row])
+        for row in range(side):
+            line[:] = 0
+            for tap in range(reach):
+                if taps[s, 1, tap] != 0:
+                    _add(taps[s, 1, tap], wide[row + tap], line)
+            _add_to_rings(line, picture[y - half + row, x - half : x + half + 1], abs(row - half), rings[s])
+    return rings
+
+
+@kernel()
+def _weighted(source: Any, left: int, taps: Any, out: Any) -> None:
+    out[:] = 0
+    for tap in range(len(taps)):
+        if taps[tap] != 0:
+            _add(taps[tap], source[left + tap : left + tap + len(out)], out)
+
+
+@kernel()
+def _add(weight: float, source: Any, out: Any) -> None:
+    for column in range(len(out)):
+        out[column] += weight * source[column]
+
+
+@kernel()
+def _add_to_rings(line: Any, plain: Any, from_middle: int, rings: Any) -> None:
+    half = len(rings) - 1
+    for column in range(len(line)):
+        line[column] = (line[column] - plain[column]) ** 2
+    for column in range(half - from_middle, half + from_middle + 1):
+        rings[from_middle] += line[column]
+    for ring in range(from_middle + 1, half + 1):
+        rings[ring] += line[half - ring] + line[half + ring]

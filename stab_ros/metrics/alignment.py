@@ -1,0 +1,39 @@
+"""Windows that follow a known shift: what then still differs is no displacement."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stab_ros.core.types import BoolArray, FloatArray, Gray, IdArray
+from stab_ros.metrics.rmsd import cut
+
+_REACH_PX = 4  # taps of the interpolation to either side
+
+
+def follow(image: Gray, centres_px: IdArray, window_px: int, shifts_px: FloatArray) -> FloatArray:
+    """(P, N, N) float64: the windows of `image` (h, w) about `centres_px + shifts_px`, (P, 2) each, x then y.
+
+    Interpolated by a windowed sinc; NaN where there is no shift (NaN), or where the window would leave the picture.
+    """
+    windows = np.full((len(centres_px), window_px, window_px), np.nan)
+    whole = np.floor(np.nan_to_num(shifts_px)).astype(np.int64)
+    at = centres_px + whole
+    inside = np.isfinite(shifts_px).all(axis=1) & _fits(at, window_px + 2 * _REACH_PX, image)
+    if inside.any():
+        wide = cut(image, at[inside], window_px + 2 * _REACH_PX).astype(np.float64)
+        fraction = (shifts_px - whole)[inside]
+        windows[inside] = _taps(fraction[:, 1], window_px) @ wide @ _taps(fraction[:, 0], window_px).transpose(0, 2, 1)
+    return windows
+
+
+def _fits(centres_px: IdArray, window_px: int, image: Gray) -> BoolArray:
+    half = window_px // 2
+    return np.asarray(((centres_px >= half) & (centres_px < np.array(image.shape[::-1]) - half)).all(axis=1))
+
+
+def _taps(fraction: FloatArray, window_px: int) -> FloatArray:
+    """(P, N, N + 2 reach): rows that interpolate `fraction` (P,) in [0, 1) of a pixel further on."""
+    row, column = np.arange(window_px)[:, None], np.arange(window_px + 2 * _REACH_PX)
+    distance = (column - row - _REACH_PX) - fraction[:, None, None]
+    taps = np.where(np.abs(distance) < _REACH_PX, np.sinc(distance) * np.sinc(distance / _REACH_PX), 0.0)
+    return np.asarray(taps / taps.sum(axis=2, keepdims=True))

@@ -1,0 +1,134 @@
+"""From RMSD to displacement: the polynomial of Ljubicic et al. (2021), Eq. 3, fitted at a point of the reference."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from stab_ros.core.types import FloatArray, Gray, IdArray
+from stab_ros.metrics._sweep import SHIFTS_PX, Sweep
+
+FIT_TO_PX = 4.5  # the paper: a second-degree polynomial fits up to 4 to 5 px
+_PLATEAU = 0.95  # of the largest RMSD: beyond, the curve is too flat to read a displacement from it
+_TOLERABLE_SHARE, _TOLERABLE_PX = 0.15, 0.05  # of a displacement, whichever is more: what the fit may be off by
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Eq. 3 at one point: d = a RMSD^2 + b RMSD, px, with RMSD in grey levels; a, b >= 0, so d never falls.
+
+    r2: coefficient of determination over all shifts and directions up to `FIT_TO_PX`. range_px: the largest
+    displacement that can be told; beyond, RMSD hardly rises any more, or falls. window_px: N of the windows it holds
+    for. range_rmsd: the RMSD that a displacement by `range_px` makes.
+
+    Raises:
+        ValueError: coefficients or a range of no rising polynomial.
+    """
+
+    a: float
+    b: float
+    r2: float
+    range_px: float
+    window_px: int
+    range_rmsd: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not (self.a >= 0 and self.b >= 0 and self.a + self.b > 0 and self.range_px > 0):
+            raise ValueError(f"a = {self.a}, b = {self.b}, range {self.range_px} px: none may be negative, not all zero")
+
+    def displacement_px(self, rmsd: FloatArray | float) -> FloatArray:
+        """Same shape as `rmsd` (grey levels): the displacement, px, never above `range_px`; NaN stays NaN."""
+        return np.minimum(self._polynomial(rmsd), self.range_px)
+
+    def beyond(self, rmsd: FloatArray | float) -> Any:
+        """Same shape as `rmsd`, bool: it is larger than a displacement within `range_px` makes it."""
+        return (self._polynomial(rmsd) > self.range_px) | (np.asarray(rmsd) > self.range_rmsd)
+
+    def _polynomial(self, rmsd: FloatArray | float) -> FloatArray:
+        values = np.asarray(rmsd, np.float64)
+        return np.asarray(self.a * values * values + self.b * values)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """What was fitted: the RMSD (M,), grey levels, that shifts by `shift_px` (M,) make, mean over the directions."""
+
+    shift_px: FloatArray
+    rmsd: FloatArray
+
+    @property
+    def strength(self) -> float:
+        """The RMSD that a displacement of 1 px makes, grey levels."""
+        return float(np.interp(1.0, self.shift_px, self.rmsd))
+
+
+def calibrate(reference: Gray, centre_px: Sequence[int] | IdArray, window_px: int,
+              noise_sigma: float) -> tuple[Calibration, Curve]:
+    """Eq. 3 for the window of `window_px` (odd) about `centre_px` (x, y) of `reference` (h, w) uint8.
+
+    noise_sigma: of the reference, grey levels. Beyond the picture's border it is taken to be mirrored.
+
+    Raises:
+        ValueError: an even window, one that leaves the picture, or one without any texture.
+    """
+    half = window_px // 2
+    x, y = (int(c) for c in centre_px)
+    height, width = reference.shape
+    if window_px % 2 == 0 or not (half <= x < width - half and half <= y < height - half):
+        raise ValueError(f"the window of {window_px} px about ({x}, {y}) must be odd and inside {width}x{height} px")
+    return fitted(Sweep(reference, noise_sigma).rmsd((x, y), [window_px])[0], window_px)
+
+
+def fitted(rmsd: FloatArray, window_px: int) -> tuple[Calibration, Curve]:
+    """Calibration and curve from `rmsd` (shifts, directions) of a `Sweep`.
+
+    Raises:
+        ValueError: a shift changes nothing.
+    """
+    curve = Curve(SHIFTS_PX, rmsd.mean(axis=1))
+    end = _end_of_rise(curve.rmsd)
+    if curve.rmsd[end] <= 0:
+        raise ValueError("a window without texture: a shift changes nothing in it")
+    used = min(end, int(np.searchsorted(SHIFTS_PX, FIT_TO_PX))) + 1
+    a, b = (float(c) for c in coefficients(SHIFTS_PX[:used], curve.rmsd[:used]))
+    r2 = float(determination(a, b, np.repeat(SHIFTS_PX[:used], rmsd.shape[1]), rmsd[:used].ravel()))
+    return Calibration(a, b, r2, float(SHIFTS_PX[end]), window_px, float(curve.rmsd[end])), curve
+
+
+def coefficients(shift_px: FloatArray, rmsd: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A and b of Eq. 3, neither negative, for RMSD (S, ...) of shifts by `shift_px` (S,); (...) each, 0 for no RMSD.
+
+    Least squares in which a misfit counts by what is tolerable at that displacement, so that small ones are right too.
+    """
+    d = shift_px.reshape(-1, *[1] * (rmsd.ndim - 1))
+    weight = 1 / np.maximum(_TOLERABLE_SHARE * d, _TOLERABLE_PX) ** 2
+    m2, m3, m4 = (np.sum(weight * rmsd**n, axis=0) for n in (2, 3, 4))
+    d1, d2 = (np.sum(weight * d * rmsd**n, axis=0) for n in (1, 2))
+    determinant = m4 * m2 - m3 * m3
+    a = _ratio(d2 * m2 - d1 * m3, determinant)
+    b = _ratio(d1 * m4 - d2 * m3, determinant)
+    a, b = np.where(b < 0, _ratio(d2, m4), a), np.where(a < 0, _ratio(d1, m2), b)
+    return np.maximum(a, 0), np.maximum(b, 0)
+
+
+def determination(a: FloatArray | float, b: FloatArray | float, shift_px: FloatArray, rmsd: FloatArray) -> FloatArray:
+    """(...) R^2 of Eq. 3 with a and b (...) for RMSD (S, ...) of shifts by `shift_px` (S,)."""
+    d = shift_px.reshape(-1, *[1] * (rmsd.ndim - 1))
+    misfit = np.sum((d - a * rmsd**2 - b * rmsd) ** 2, axis=0)
+    return np.asarray(1 - misfit / np.sum((d - d.mean()) ** 2))
+
+
+def _ratio(above: FloatArray, below: FloatArray) -> FloatArray:
+    """0 where both are."""
+    return np.asarray(above / np.where(below > 0, below, np.inf))
+
+
+def _end_of_rise(rmsd: FloatArray) -> int:
+    """Index of the last shift up to which RMSD rises, and by enough to be read."""
+    falls = np.flatnonzero(np.diff(rmsd) <= 0)
+    highest = int(falls[0]) if len(falls) else len(rmsd) - 1
+    return int(np.flatnonzero(rmsd >= _PLATEAU * rmsd[highest])[0])

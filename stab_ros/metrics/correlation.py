@@ -1,0 +1,285 @@
+"""Shifts of interrogation areas by FFT cross-correlation, as particle image velocimetry measures them.
+
+After PIVlab (Thielicke and Stamhuis 2014), which Ljubicic et al. 2021, 2.5.1, use: several passes, the window offset
+by what is known already, and a Gaussian through the points about the peak. Two things are different. Between the passes
+the picture is not interpolated: the window function moves by the fraction of a pixel instead, so that both windows hold
+the same content, whatever the shift. And the spectra are band-passed, so that slow changes of light, and what
+interpolation and sensor do to the finest detail, have little say.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from stab_ros.core.types import BoolArray, FloatArray, Gray, IdArray
+
+MARGIN_PX = 8  # areas keep this distance from the border, so that their content may move outwards
+_SMALLEST_PX = 16
+_TAPER = 0.5  # share of the window in which it rises and falls
+_HIGH_PASS_PX, _LOW_PASS_PX = 4.0, 1.0  # sigmas of the Gaussians that are taken off, and applied
+_MIN_TEXTURE = 0.2  # (grey levels/px)^2, mean square slope in the weaker direction; noise of 2 grey levels makes half
+_MIN_CORRELATION = 0.6  # moving water, frames later, stays below
+_MIN_FIRST_CORRELATION = 0.2  # while the windows do not hold the same content yet
+_MIN_PEAK_RATIO = 1.3
+_PEAK_RADIUS_PX = 5  # farther away, the correlation belongs to another peak
+_PASSES = 4  # after the first, at most
+_LAST_STEP_PX = 0.02  # a step leaves about a twentieth of itself as error
+_CHUNK = 64  # areas that are worked on at once, which bounds the memory
+_LAGS = np.arange(-1, 2)
+
+
+class Correlator:
+    """Finds n square areas of a reference in one picture after the other.
+
+    areas_px: (n, 2) int64, the centres really used: areas near the border are moved inwards.
+    window_px: their width; less than asked for in pictures too small for it.
+    """
+
+    def __init__(self, reference: Gray, centres_px: IdArray, window_px: int = 64) -> None:
+        """reference: (h, w) uint8. centres_px: (n, 2), x then y, px. window_px: even, 16 or more.
+
+        Raises:
+            ValueError: arrays of another shape or dtype, or another window.
+        """
+        _check(reference, centres_px, window_px)
+        size = np.array(reference.shape[::-1])
+        self.shape = reference.shape
+        self.window_px = min(window_px, (int(size.min()) - 2 * MARGIN_PX) // 2 * 2)
+        reach = self.window_px // 2 + MARGIN_PX
+        self.areas_px = np.clip(np.asarray(centres_px, np.int64), reach, np.maximum(size - reach, reach))
+        self._areas = _Areas(reference, self.areas_px, self.window_px) if self.window_px >= _SMALLEST_PX else None
+        self._search = _Search(reference, self.areas_px, self.window_px // 16) if self._areas else None
+
+    def shifts(self, current: Gray, usable: BoolArray | None = None, valid: BoolArray | None = None) -> FloatArray:
+        """(n, 2) float64, u and v in px: where the reference's content lies in `current`, minus where it lay.
+
+        NaN where there is no clear peak: too little texture, low correlation, or a second peak nearly as high.
+        usable: (n,) bool, the areas to look for. valid: (h, w) bool, the part of `current` that is a picture; areas
+        that it cuts, where they were or where they are found, get NaN.
+
+        Raises:
+            ValueError: `current` or `valid` is not of the reference's shape.
+        """
+        if current.shape != self.shape or (valid is not None and valid.shape != self.shape):
+            raise ValueError(f"a picture of {current.shape}, with {None if valid is None else valid.shape} valid, "
+                             f"it must be {self.shape} as the reference")
+        found = np.full(self.areas_px.shape, np.nan)
+        if self._areas is None or self._search is None:
+            return found
+        wanted = self._areas.textured if usable is None else self._areas.textured & usable
+        at = np.flatnonzero(wanted)
+        if valid is not None:
+            at = at[self._areas.inside(valid, at, np.zeros((len(at), 2)))]
+        found[at] = _located(self._areas, current, at, np.zeros((len(at), 2)))
+        lost = at[np.isnan(found[at, 0])]
+        if len(lost):
+            found[lost] = _located(self._areas, current, lost, self._search.shifts(current, lost))
+        if valid is not None:
+            found[at[~self._areas.inside(valid, at, found[at])]] = np.nan
+        return found
+
+
+def _check(reference: Gray, centres_px: IdArray, window_px: int) -> None:
+    if reference.ndim != 2 or reference.dtype != np.uint8:
+        raise ValueError(f"a reference of {reference.shape} {reference.dtype}, it must be (h, w) uint8")
+    if np.ndim(centres_px) != 2 or np.shape(centres_px)[1] != 2:
+        raise ValueError(f"centres of {np.shape(centres_px)}, they must be (n, 2)")
+    if window_px < _SMALLEST_PX or window_px % 2:
+        raise ValueError(f"interrogation areas of {window_px} px, they must be even and at least {_SMALLEST_PX}")
+
+
+class _Areas:
+    """The areas' band-passed spectra in the reference, and their correlation with a picture."""
+
+    def __init__(self, reference: Gray, centres_px: IdArray, window_px: int) -> None:
+        self._corners_px, self._window_px = centres_px - window_px // 2, window_px
+        self._room_px = np.array(reference.shape[::-1]) - window_px
+        self._band = _band_pass(window_px)
+        still = np.zeros(centres_px.shape)
+        spectra = _spectra(self._cut(reference, self._corners_px), still)
+        self._energy = self._energies(spectra)
+        self._template = np.conj(spectra) * self._band
+        smooth = cv2.GaussianBlur(np.asarray(reference, np.float32), (0, 0), _LOW_PASS_PX)
+        slopes = [self._cut(cv2.Sobel(smooth, cv2.CV_32F, *axis, ksize=1, scale=0.5), self._corners_px)
+                  for axis in ((1, 0), (0, 1))]
+        self.textured = _weaker_texture(*slopes) >= _MIN_TEXTURE
+
+    def inside(self, mask: BoolArray, at: IdArray, shift_px: FloatArray) -> BoolArray:
+        """(m,) bool: the areas `at`, (m,), moved by `shift_px`, (m, 2), lie in the picture where `mask` is True."""
+        inside = self.fit(at, shift_px)
+        corners = self._corners_px[at[inside]] + np.round(shift_px[inside]).astype(np.int64)
+        inside[inside] = self._cut(mask, corners).all(axis=(1, 2))
+        return inside
+
+    def fit(self, at: IdArray, shift_px: FloatArray) -> BoolArray:
+        """(m,) bool: the areas `at` moved by `shift_px` are known, and lie in the picture."""
+        corners = self._corners_px[at] + np.round(shift_px)  # NaN compares false
+        return np.asarray(np.all((corners >= 0) & (corners <= self._room_px), axis=1))
+
+    def plane(self, current: Gray, at: IdArray, offset_px: FloatArray) -> FloatArray:
+        """(m, N, N): normalised correlation of the areas `at`, (m,), over all lags about `offset_px`, whole pixels."""
+        cross, scale = self._cross(current, at, offset_px)
+        side = self._window_px
+        lags = np.fft.irfft2(cross, s=(side, side)) * (side**2 * scale)[:, None, None]
+        return np.asarray(np.fft.fftshift(lags, axes=(1, 2)))
+
+    def around(self, current: Gray, at: IdArray, shift_px: FloatArray) -> FloatArray:
+        """(m, 3, 3): the same at the lags -1, 0 and 1 px about `shift_px`, which need not be whole."""
+        cross, scale = self._cross(current, at, shift_px)
+        lags = (shift_px - np.round(shift_px))[:, :, None] + _LAGS
+        k = 2 * np.pi * np.fft.fftfreq(self._window_px)
+        half, both = np.abs(k[: cross.shape[2]]), _both_halves(self._window_px)
+        rows = np.exp(1j * lags[:, 1, :, None] * k)
+        columns = both[:, None] * np.exp(1j * lags[:, 0, None, :] * half[:, None])
+        return np.asarray((rows @ cross @ columns).real * scale[:, None, None])
+
+    def _cross(self, current: Gray, at: IdArray, shift_px: FloatArray) -> tuple[NDArray[np.complex128], FloatArray]:
+        """Cross spectra, (m, N, N/2+1), and the factor that makes their sum the correlation coefficient, (m,)."""
+        offset = np.round(shift_px)
+        patches = self._cut(current, self._corners_px[at] + offset.astype(np.int64))
+        spectra = _spectra(patches, shift_px - offset)
+        power = self._energy[at] * self._energies(spectra)
+        scale = np.divide(1.0, np.sqrt(power), out=np.zeros(len(at)), where=power > 0)
+        spectra *= self._template[at]
+        return spectra, scale
+
+    def _energies(self, spectra: NDArray[np.complex128]) -> FloatArray:
+        power = spectra.real**2 + spectra.imag**2
+        return np.asarray(np.einsum("nij,ij->n", power, self._band * _both_halves(self._window_px)))
+
+    def _cut(self, image: NDArray[Any], corners_px: IdArray) -> NDArray[Any]:
+        side = self._window_px
+        return np.asarray(sliding_window_view(image, (side, side))[corners_px[:, 1], corners_px[:, 0]])
+
+
+class _Search:
+    """A rough look for areas that are not where they were: twice as wide, in pictures `factor` times smaller."""
+
+    _REACH, _RADIUS = 16, 16  # of the search and of the template, px of the small picture
+
+    def __init__(self, reference: Gray, centres_px: IdArray, factor: int) -> None:
+        self._factor, self._centres_px = factor, centres_px // factor
+        self._size_px = np.array(reference.shape[::-1]) // factor
+        self._reference = reference
+
+    def shifts(self, current: Gray, at: IdArray) -> FloatArray:
+        """(m, 2) px of the areas `at`, (m,), within `factor` px or so; NaN where nothing is like them."""
+        return np.array([self._shift(current, self._centres_px[i]) for i in at])
+
+    def _shift(self, current: Gray, centre_px: IdArray) -> FloatArray:
+        low, high = np.maximum(centre_px - self._RADIUS, 0), np.minimum(centre_px + self._RADIUS, self._size_px)
+        first, last = np.maximum(low - self._REACH, 0), np.minimum(high + self._REACH, self._size_px)
+        left, top = (self._REACH - (low - first)).tolist()  # what the picture lacks; part of the content may leave it
+        right, bottom = (self._REACH - (last - high)).tolist()
+        ground = cv2.copyMakeBorder(self._shrunk(current, first, last), top, bottom, left, right, cv2.BORDER_REPLICATE)
+        match = cv2.matchTemplate(ground, self._shrunk(self._reference, low, high), cv2.TM_CCOEFF_NORMED)
+        _, best, _, place = cv2.minMaxLoc(match)
+        shift = (np.array(place) - self._REACH) * float(self._factor)
+        return shift if best >= _MIN_CORRELATION else np.full(2, np.nan)
+
+    def _shrunk(self, gray: Gray, low: IdArray, high: IdArray) -> Gray:
+        """The part from `low` to `high` (x, y) of the small picture, each pixel the mean of a block."""
+        (left, top), (right, bottom) = self._factor * low, self._factor * high
+        size = tuple((high - low).tolist())
+        return np.asarray(cv2.resize(gray[top:bottom, left:right], size, interpolation=cv2.INTER_AREA))
+
+
+def _weaker_texture(slope_x: FloatArray, slope_y: FloatArray) -> FloatArray:
+    """(n,): mean square slope of each area, (n, N, N), in the direction in which it is least (Shi and Tomasi 1994).
+
+    Along an edge or stripes nothing tells how far they have moved, though the window's ends feign a peak.
+    """
+    weights = _weights(slope_x.shape[1], np.zeros(1))[0] ** 2
+    weights /= weights.sum()
+    xx, yy, xy = (weights @ product @ weights for product in (slope_x**2, slope_y**2, slope_x * slope_y))
+    return np.asarray((xx + yy) / 2 - np.hypot((xx - yy) / 2, xy))
+
+
+def _located(areas: _Areas, current: Gray, at: IdArray, start_px: FloatArray) -> FloatArray:
+    """(m, 2) shifts of the areas `at`, looked for within a quarter of the window about `start_px`, (m, 2)."""
+    chunks = range(0, len(at), _CHUNK)
+    found = [_followed(areas, current, at[i : i + _CHUNK], start_px[i : i + _CHUNK]) for i in chunks]
+    return np.concatenate(found) if found else np.empty((0, 2))
+
+
+def _followed(areas: _Areas, current: Gray, at: IdArray, start_px: FloatArray) -> FloatArray:
+    """As `_located`: first the highest peak of the whole plane, then closer and closer about it."""
+    shift, done = np.full(start_px.shape, np.nan), np.zeros(len(at), bool)
+    k = np.flatnonzero(areas.fit(at, start_px))
+    start = np.round(start_px[k])
+    shift[k] = start + _highest_peak(areas.plane(current, at[k], start))
+    for _ in range(_PASSES):
+        k = np.flatnonzero(~done & areas.fit(at, shift))
+        if not len(k):
+            break
+        near = areas.around(current, at[k], shift[k])
+        step = _gaussian_peak(near)
+        alike = near[:, 1, 1] >= _MIN_CORRELATION
+        shift[k] = np.where(alike[:, None], shift[k] + step, np.nan)
+        done[k] = alike & np.all(np.abs(step) <= _LAST_STEP_PX, axis=1)
+    return np.where(done[:, None], shift, np.nan)
+
+
+def _highest_peak(plane: FloatArray) -> FloatArray:
+    """(m, 2) lag of the highest peak of each plane, (m, N, N), px; NaN where it is not clear."""
+    middle, reach = plane.shape[1] // 2, plane.shape[1] // 4
+    near = plane[:, middle - reach : middle + reach + 1, middle - reach : middle + reach + 1]
+    each, lags = np.arange(len(near)), np.arange(-reach, reach + 1)
+    y, x = np.divmod(near.reshape(len(near), len(lags) ** 2).argmax(axis=1), len(lags)) - np.array([[reach], [reach]])
+    dx, dy = lags - x[:, None], lags - y[:, None]
+    away = (dx**2)[:, None, :] + (dy**2)[:, :, None] > _PEAK_RADIUS_PX**2
+    first, second = plane[each, middle + y, middle + x], np.where(away, near, 0.0).max(axis=(1, 2))
+    clear = (first >= _MIN_FIRST_CORRELATION) & (first >= _MIN_PEAK_RATIO * second)
+    rows, columns = (middle + y[:, None] + _LAGS)[:, :, None], (middle + x[:, None] + _LAGS)[:, None, :]
+    peak = np.stack([x, y], axis=1) + _gaussian_peak(plane[each[:, None, None], rows, columns])
+    return np.where(clear[:, None], peak, np.nan)
+
+
+def _gaussian_peak(near: FloatArray) -> FloatArray:
+    """(m, 2) px from the middle of correlations (m, 3, 3) to the peak of a Gaussian, at most 1 px in x and in y.
+
+    NaN where they do not bend down. It is the 2x3-point Gaussian of PIVlab, from the five points of the cross, with
+    the mixed term of the corners, without which slanting textures take many passes (Nobach and Honkanen 2005).
+    """
+    level = np.log(np.maximum(near, 1e-9))
+    gx, gy = (level[:, 1, 2] - level[:, 1, 0]) / 2, (level[:, 2, 1] - level[:, 0, 1]) / 2
+    xx = level[:, 1, 2] + level[:, 1, 0] - 2 * level[:, 1, 1]
+    yy = level[:, 2, 1] + level[:, 0, 1] - 2 * level[:, 1, 1]
+    xy = (level[:, 2, 2] + level[:, 0, 0] - level[:, 2, 0] - level[:, 0, 2]) / 4
+    determinant = np.where((xx < 0) & (xx * yy > xy**2), xx * yy - xy**2, np.nan)
+    step = np.stack([xy * gy - yy * gx, xy * gx - xx * gy], axis=1) / determinant[:, None]
+    return np.clip(step, -1.0, 1.0)
+
+
+def _spectra(patches: NDArray[Any], fraction_px: FloatArray) -> NDArray[np.complex128]:
+    """(m, N, N/2+1) of patches (m, N, N) about their weighted mean, under windows moved by `fraction_px`, (m, 2)."""
+    columns, rows = (_weights(patches.shape[1], fraction_px[:, axis]) for axis in (0, 1))
+    weights = rows[:, :, None] * columns[:, None, :]
+    weighted = patches * weights
+    mean = weighted.sum(axis=(1, 2)) / weights.sum(axis=(1, 2))
+    weighted -= mean[:, None, None] * weights
+    return np.asarray(np.fft.rfft2(weighted))
+
+
+def _weights(side: int, fraction_px: FloatArray) -> FloatArray:
+    """(m, N): a window that is flat in the middle and a squared sine at both ends, moved by `fraction_px`, (m,)."""
+    from_middle = np.abs(np.arange(side) - (side - 1) / 2 - fraction_px[:, None])
+    rise = np.clip((side / 2 - from_middle) / (_TAPER * side / 2), 0, 1)
+    return np.asarray(np.sin(np.pi / 2 * rise) ** 2)
+
+
+def _band_pass(side: int) -> FloatArray:
+    """(N, N/2+1): by how much each frequency counts in the cross spectrum."""
+    k = 2 * np.pi * np.fft.fftfreq(side)
+    k2 = k[:, None] ** 2 + k[None, : side // 2 + 1] ** 2
+    return np.asarray((1 - np.exp(-k2 * _HIGH_PASS_PX**2 / 2)) ** 2 * np.exp(-k2 * _LOW_PASS_PX**2))
+
+
+def _both_halves(side: int) -> FloatArray:
+    """(N/2+1,): how often each column of a half spectrum occurs in the whole one."""
+    return np.array([1.0] + [2.0] * (side // 2 - 1) + [1.0])

@@ -1,0 +1,195 @@
+"""Surface velocity field (SVF): where and in which direction a stabilised picture still moves.
+
+Ljubicic et al. 2021, 2.5.1 and 3.1: vectors by FFT cross-correlation between the reference and a later picture, then
+one mean vector and one mean magnitude for each sub-region. Opposite vectors cancel in the mean vector, not in the
+magnitude.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise, product
+
+import cv2
+import numpy as np
+
+from stab_ros.core.types import BoolArray, FloatArray, Gray, IdArray
+from stab_ros.metrics.correlation import MARGIN_PX, Correlator
+
+_WINDOWS_PX = (64, 48, 32)  # the widest that fits into a sub-region, else the last
+_PER_AXIS = 3  # areas beside each other in a sub-region, at most
+_STEP_PX = 8  # between the places that are tried for an area
+_GOOD = 0.5  # share of the best texture in a cell that makes a place as good as any
+_NEIGHBOURS = 8
+_TOLERATED_PX = 0.2  # of the median test, on top of what the neighbours differ by
+_OUTLIER = 4.0
+
+
+@dataclass(frozen=True)
+class RegionVelocity:
+    """The residual motion of one sub-region. region: its number, row by row. x_px, y_px: its centre.
+
+    u_px, v_px: mean of its vectors; magnitude_px: mean of their lengths; NaN where vectors, their number, is 0.
+    """
+
+    region: int
+    x_px: float
+    y_px: float
+    u_px: float
+    v_px: float
+    magnitude_px: float
+    vectors: int
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """The vectors of one picture, or their mean over several. All in px.
+
+    centres_px, shifts_px: (n, 2), the areas and how far their content moved, NaN where that is not known.
+    """
+
+    centres_px: FloatArray
+    shifts_px: FloatArray
+    regions: tuple[RegionVelocity, ...]
+
+    def __post_init__(self) -> None:
+        if self.centres_px.shape != self.shifts_px.shape or self.centres_px.shape[1:] != (2,):
+            raise ValueError(f"centres of {self.centres_px.shape} and shifts of {self.shifts_px.shape}, "
+                             "both must be (n, 2)")
+
+
+class VelocityField:
+    """Measures the field against one reference, in columns x rows equal sub-regions.
+
+    In each up to nine areas: the best textured ones, spread over the sub-region, that lie in `allowed` as a whole.
+    """
+
+    def __init__(self, reference: Gray, allowed: BoolArray, columns: int, rows: int) -> None:
+        """reference: (h, w) uint8. allowed: (h, w) bool, where static ground may be.
+
+        Raises:
+            ValueError: `allowed` is not of the reference's shape, or there are no columns or rows.
+        """
+        if allowed.shape != reference.shape or min(columns, rows) < 1:
+            raise ValueError(f"{columns}x{rows} sub-regions of {reference.shape} with a mask of {allowed.shape}: "
+                             "there must be at least one, and the mask must have the picture's shape")
+        boxes = _boxes(reference.shape, columns, rows)
+        window_px = _window_px(reference.shape, boxes)
+        quality = _quality(reference, allowed, window_px)
+        placed = [_placed(quality, box, window_px) for box in boxes]
+        self._middles_px = [((left + right - 1) / 2, (top + bottom - 1) / 2) for left, top, right, bottom in boxes]
+        self._region = np.repeat(np.arange(len(boxes)), [len(places) for places in placed])
+        self._correlator = Correlator(reference, np.concatenate(placed), window_px)
+
+    def measure(self, current: Gray, valid: BoolArray) -> Field:
+        """The field of `current`, (h, w) uint8; areas that leave `valid`, (h, w) bool, are not used.
+
+        Raises:
+            ValueError: a picture or mask of another shape than the reference's.
+        """
+        centres = self._correlator.areas_px.astype(np.float64)
+        shifts = _without_outliers(centres, self._correlator.shifts(current, valid=valid))
+        return Field(centres, shifts, tuple(
+            _region_velocity(i, middle, shifts[self._region == i]) for i, middle in enumerate(self._middles_px)
+        ))
+
+
+def mean_field(fields: Sequence[Field]) -> Field:
+    """The mean over pictures of one reference: every vector found counts the same.
+
+    What is found in fewer than half of the pictures is left out, area or sub-region: it was water, not ground.
+
+    Raises:
+        ValueError: no fields, or fields with different areas.
+    """
+    if len({field.centres_px.tobytes() for field in fields}) != 1:
+        raise ValueError(f"{len(fields)} fields to average, there must be some and all with the same areas")
+    shifts = np.stack([field.shifts_px for field in fields])
+    found = np.isfinite(shifts[:, :, :1])
+    total = np.where(found, shifts, 0.0).sum(axis=0)
+    count = found.sum(axis=0)
+    mean = np.divide(total, count, out=np.full(total.shape, np.nan), where=2 * count >= len(fields))
+    regions = zip(*(field.regions for field in fields), strict=True)
+    return Field(fields[0].centres_px, mean, tuple(_mean_velocity(region) for region in regions))
+
+
+def _mean_velocity(over_time: Sequence[RegionVelocity]) -> RegionVelocity:
+    """One sub-region's mean, weighted by the number of vectors."""
+    first, found = over_time[0], [v for v in over_time if v.vectors]
+    if 2 * len(found) < len(over_time):
+        return RegionVelocity(first.region, first.x_px, first.y_px, np.nan, np.nan, np.nan, 0)
+    weights = [v.vectors for v in found]
+    u, v, magnitude = np.average([(v.u_px, v.v_px, v.magnitude_px) for v in found], axis=0, weights=weights)
+    return RegionVelocity(first.region, first.x_px, first.y_px, float(u), float(v), float(magnitude), sum(weights))
+
+
+def _region_velocity(region: int, middle_px: tuple[float, float], shifts_px: FloatArray) -> RegionVelocity:
+    found = shifts_px[np.isfinite(shifts_px[:, 0])]
+    if not len(found):
+        return RegionVelocity(region, *middle_px, np.nan, np.nan, np.nan, 0)
+    (u, v), magnitude = found.mean(axis=0), np.hypot(*found.T).mean()
+    return RegionVelocity(region, *middle_px, float(u), float(v), float(magnitude), len(found))
+
+
+def _without_outliers(centres_px: FloatArray, shifts_px: FloatArray) -> FloatArray:
+    """`shifts_px`, NaN where it fits its neighbours badly: the normalised median test, Westerweel and Scarano 2005."""
+    known = np.flatnonzero(np.isfinite(shifts_px[:, 0]))
+    if len(known) <= _NEIGHBOURS:
+        return shifts_px
+    places, vectors = centres_px[known], shifts_px[known]
+    distance = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))
+    near = vectors[np.argsort(distance, axis=1, kind="stable")[:, 1 : _NEIGHBOURS + 1]]
+    middle = np.median(near, axis=1)
+    scatter = np.median(np.abs(near - middle[:, None]), axis=1)
+    bad = np.any(np.abs(vectors - middle) > _OUTLIER * (scatter + _TOLERATED_PX), axis=1)
+    kept = shifts_px.copy()
+    kept[known[bad]] = np.nan
+    return kept
+
+
+def _boxes(shape: tuple[int, ...], columns: int, rows: int) -> list[tuple[int, int, int, int]]:
+    """Left, top, right and bottom (exclusive) of the sub-regions, px, row by row."""
+    x = np.round(np.linspace(0, shape[1], columns + 1)).astype(int).tolist()
+    y = np.round(np.linspace(0, shape[0], rows + 1)).astype(int).tolist()
+    return [(x[j], y[i], x[j + 1], y[i + 1]) for i in range(rows) for j in range(columns)]
+
+
+def _window_px(shape: tuple[int, ...], boxes: Sequence[tuple[int, int, int, int]]) -> int:
+    """The widest window that fits into sub-regions and picture, else the narrowest there is."""
+    left, top, right, bottom = boxes[0]
+    room = min(right - left, bottom - top, min(shape) - 2 * MARGIN_PX)
+    return next((window for window in _WINDOWS_PX if window <= room), _WINDOWS_PX[-1])
+
+
+def _quality(reference: Gray, allowed: BoolArray, window_px: int) -> FloatArray:
+    """(h, w): how well an area centred there is textured in its weaker direction; 0 where none may be."""
+    area = np.ones((window_px, window_px), np.uint8)
+    whole = cv2.erode(allowed.astype(np.uint8), area)
+    reach = window_px // 2 + MARGIN_PX
+    whole[:reach], whole[-reach + 1 :], whole[:, :reach], whole[:, -reach + 1 :] = 0, 0, 0, 0
+    smooth = cv2.GaussianBlur(reference, (0, 0), 1.0)
+    return np.asarray(cv2.cornerMinEigenVal(smooth, window_px) * whole)
+
+
+def _placed(quality: FloatArray, box: tuple[int, int, int, int], window_px: int) -> IdArray:
+    """(k, 2) centres of the areas of one sub-region, each the best of its cell; `quality` is set to 0 about them."""
+    left, top, right, bottom = box
+    half, places = window_px // 2, []
+    x, y = _cell_edges(left, right, half), _cell_edges(top, bottom, half)
+    for (y0, y1), (x0, x1) in product(pairwise(y), pairwise(x)):
+        cell = quality[y0:y1:_STEP_PX, x0:x1:_STEP_PX]
+        if cell.any():
+            row, column = np.nonzero(cell >= _GOOD * cell.max())
+            x_px, y_px = x0 + _STEP_PX * column, y0 + _STEP_PX * row
+            best = np.argmin(np.hypot(2 * x_px - x0 - x1, 2 * y_px - y0 - y1))
+            places.append((x_px[best], y_px[best]))
+            rows, columns = (slice(at[best] - half, at[best] + half) for at in (y_px, x_px))
+            quality[rows, columns] = 0  # areas overlap by half at most
+    return np.array(places, np.int64).reshape(-1, 2)
+
+
+def _cell_edges(low: int, high: int, smallest: int) -> list[int]:
+    """A sub-region's span, cut into cells for one area each."""
+    count = min(_PER_AXIS, max(1, (high - low) // smallest))
+    return [low + i * (high - low) // count for i in range(count + 1)]
