@@ -53,6 +53,7 @@ def _parser() -> Parser:
     parser.add_argument("--version", action="version", version=f"stab-ros {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
     _add_stabilize(commands)
+    _add_evaluate(commands)
     _add_convert(commands)
     _add_play(commands)
     _add_record(commands)
@@ -104,6 +105,51 @@ def _stabilize(options: argparse.Namespace) -> int:
     for name, path in (("bag", job.output), ("homographies", job.homographies), ("video", job.video)):
         if path is not None:
             print(f"{name + ':':13} {path}")
+    return DONE
+
+
+def _add_evaluate(commands: Any) -> None:
+    parser = _command(commands, "evaluate", "measure how still a stabilised recording stands")
+    parser.add_argument("bag", type=Path, metavar="BAG", help=_INPUT)
+    parser.add_argument("--points", type=Path, metavar="P.csv",
+                        help="verification points in reference px, as name,x,y (default: chosen in the reference)")
+    parser.add_argument("--json", type=Path, metavar="J.json", help="write all figures as JSON")
+    parser.add_argument("--csv", type=Path, metavar="M.csv", help="write a table with a row for each frame")
+    parser.add_argument("--report", type=Path, metavar="DIR", help="write a report to look at, DIR/index.html")
+    parser.add_argument("--image-topic", dest="image_topics", action="append", default=[], metavar="T",
+                        help="which images, where a bag holds more than a raw and a stabilised stream; may be repeated")
+    parser.add_argument("--config", type=Path, metavar="FILE.yaml",
+                        help="a ROS parameter file with parameters of the evaluator")
+    parser.add_argument("-p", dest="parameters", type=assignment, action="append", default=[], metavar="name:=value",
+                        help="a parameter of the evaluator; may be repeated, and overrides --config")
+    parser.add_argument("--limit", type=positive_int, metavar="N", help="stop after N frames")
+    parser.add_argument("--fps", type=positive_float, metavar="F", help="frame rate of a video or folder, and for "
+                        "velocities (default: the file's or the stamps')")
+    _add_force(parser)
+    parser.set_defaults(run=_evaluate)
+
+
+def _evaluate(options: argparse.Namespace) -> int:
+    from stab_ros.core.parameters import EVALUATOR_PARAMETERS, checked_values
+    from stab_ros.io.engine import EVALUATOR, read_config
+    from stab_ros.io.evaluation import EvaluationJob, evaluate
+    from stab_ros.io.evaluation_outputs import EvaluationOutputs
+    from stab_ros.io.evaluation_text import as_text
+
+    values = read_config(options.config, EVALUATOR) if options.config else {}
+    values |= checked_values(dict(options.parameters), EVALUATOR_PARAMETERS)
+    values |= {"points_file": str(options.points)} if options.points else {}
+    job = EvaluationJob(options.bag, values, tuple(options.image_topics), options.limit, options.fps)
+    outputs = EvaluationOutputs(options.json, options.csv, options.report)
+    outputs.check(job.source, options.force)
+    with _quiet_libraries(), _progress("frames") as progress:
+        evaluation = evaluate(job, progress)
+    _warn(evaluation.warnings)
+    print(as_text(evaluation))
+    with _quiet_libraries(), _progress("frames") as progress:
+        made = outputs.write(evaluation, job, progress)
+    for name, path in made.items():
+        print(f"{name + ':':8} {path}")
     return DONE
 
 

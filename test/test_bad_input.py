@@ -152,6 +152,27 @@ def exclude_outside(folder: Path, shots: Sequence[Shot]) -> list[object]:
     return stabilize(good(folder, shots), "-p", "exclude:=[[[0,0],[5000,0],[5000,5000],[0,5000]]]")
 
 
+def evaluate(*options: object) -> Arrange:
+    """A sound bag and options of evaluate that do not fit."""
+    return lambda folder, shots: ["evaluate", good(folder, shots), *options]
+
+
+def outside(folder: Path, shots: Sequence[Shot]) -> list[object]:
+    (folder / "points.csv").write_text("name,x,y\nfar,9999,10\n")
+    return ["evaluate", good(folder, shots), "--points", "points.csv"]
+
+
+def full_folder(folder: Path, shots: Sequence[Shot]) -> list[object]:
+    (folder / "report").mkdir()
+    (folder / "report" / "notes.txt").write_text("mine")
+    return ["evaluate", good(folder, shots), "--report", "report"]
+
+
+def words_only(folder: Path, shots: Sequence[Shot]) -> list[object]:
+    others = [entry for entry in entries(shots[:2]) if entry.topic == OTHER_TOPIC]
+    return ["evaluate", write_mcap(folder / "words.mcap", others)]
+
+
 CASES = [
     Case("missing file", lambda _f, _s: stabilize("none.mcap"), ["none.mcap", "no such file"]),
     Case("missing folder", lambda _f, _s: stabilize("none/"), ["none", "no such file or folder"]),
@@ -212,6 +233,17 @@ CASES = [
          ["/nope", IMAGE_TOPIC]),
     Case("convert a bag at a rate", lambda f, s: ["convert", good(f, s), "out.mcap", "--fps", 3],
          ["good.mcap", "--fps"]),
+    Case("evaluate nothing", lambda _f, _s: ["evaluate", "none.mcap"], ["none.mcap"]),
+    Case("evaluate an unknown topic", evaluate("--image-topic", "/nope"), ["/nope", IMAGE_TOPIC]),
+    Case("evaluate with an unknown parameter", evaluate("-p", "rmse_evry:=2"), ["rmse_evry", "rmse_every"]),
+    Case("evaluate with even windows", evaluate("-p", "window_px:=30"), ["window_px", "odd"]),
+    Case("evaluate with limits that contradict", evaluate("-p", "rmse_warn_px:=9.0"), ["rmse_warn_px", "error"]),
+    Case("evaluate with points that are not there", evaluate("--points", "none.csv"), ["none.csv"]),
+    Case("evaluate with points outside", outside, ["far", "picture"]),
+    Case("evaluate into no folder", evaluate("--json", "nowhere/J.json"), ["nowhere"]),
+    Case("evaluate into another kind", evaluate("--csv", "M.txt"), ["M.txt", ".csv"]),
+    Case("report into a full folder", full_folder, ["report", "--force"]),
+    Case("evaluate a bag of words", words_only, ["words.mcap", "sensor_msgs/msg/Image"]),
     Case("recover nothing", lambda _f, _s: ["recover", "none.mcap", "out.mcap"], ["none.mcap"]),
 ]
 

@@ -1,4 +1,4 @@
-"""All parameters of the tracker by name, as ROS nodes and the command line's `-p name:=value` know them."""
+"""All parameters of the engines by name, as ROS nodes and the command line's `-p name:=value` know them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 
 from stab_ros.core.config import Range, Value, checked, settings_of
 from stab_ros.core.errors import ConfigError
+from stab_ros.core.evaluation import EvaluatorConfig
 from stab_ros.core.stabilizer import StabilizerConfig
 from stab_ros.methods import METHODS
 
@@ -32,31 +33,44 @@ def parameters_of(config: type[Any], prefix: str = "") -> Iterator[Parameter]:
         yield Parameter(prefix + name, default, limits)
 
 
-def _all() -> Iterator[Parameter]:
-    yield from parameters_of(StabilizerConfig)
+def _areas() -> Iterator[Parameter]:
     yield Parameter("roi", "", Range(f"where static ground is: {_REGION}"))
     yield Parameter("exclude", "", Range(f"what to leave out, e.g. the water: {_REGION}"))
+
+
+def _of_the_tracker() -> Iterator[Parameter]:
+    yield from parameters_of(StabilizerConfig)
+    yield from _areas()
     yield Parameter("use_camera_info", False, Range("remove lens distortion as camera_info describes it"))
     for name, method in METHODS.items():
         yield from parameters_of(method.Config, f"{name}.")
 
 
-PARAMETERS: Mapping[str, Parameter] = {parameter.name: parameter for parameter in _all()}
+def _of_the_evaluator() -> Iterator[Parameter]:
+    yield from parameters_of(EvaluatorConfig)
+    yield from _areas()
+    yield Parameter("points_file", "", Range("a CSV name,x,y with verification points in reference px; "
+                                             '"": chosen in the reference'))
 
 
-def checked_values(values: Mapping[str, object]) -> dict[str, Value]:
-    """`values` with the types of PARAMETERS.
+Table = Mapping[str, Parameter]
+PARAMETERS: Table = {parameter.name: parameter for parameter in _of_the_tracker()}
+EVALUATOR_PARAMETERS: Table = {parameter.name: parameter for parameter in _of_the_evaluator()}
+
+
+def checked_values(values: Mapping[str, object], table: Table = PARAMETERS) -> dict[str, Value]:
+    """`values` with the types of `table`.
 
     Raises:
         ConfigError: an unknown name, a wrong type, or out of range.
     """
-    return {name: _checked(name, value) for name, value in values.items()}
+    return {name: _checked(name, value, table) for name, value in values.items()}
 
 
-def _checked(name: str, value: object) -> Value:
-    parameter = PARAMETERS.get(name)
+def _checked(name: str, value: object, table: Table) -> Value:
+    parameter = table.get(name)
     if parameter is None:
-        near = difflib.get_close_matches(name, PARAMETERS, n=3) or sorted(PARAMETERS)
+        near = difflib.get_close_matches(name, table, n=3) or sorted(table)
         raise ConfigError(f"parameter {name!r} is unknown, did you mean {', '.join(near)}?")
     if not isinstance(value, (bool, int, float, str)):
         raise ConfigError(f"{name}: {value!r} must be one {type(parameter.default).__name__}")
@@ -76,3 +90,15 @@ def stabilizer_config(values: Mapping[str, Value]) -> StabilizerConfig:
     prefix = f"{config.method}."
     of_method: Any = {name.removeprefix(prefix): value for name, value in values.items() if name.startswith(prefix)}
     return dataclasses.replace(config, method_config=METHODS[config.method].Config(**of_method))
+
+
+def evaluator_config(values: Mapping[str, Value]) -> EvaluatorConfig:
+    """The evaluator's settings: defaults, overridden by `values` (checked ones).
+
+    Raises:
+        ConfigError: as `checked_values`, or settings that contradict each other.
+    """
+    values = checked_values(values, EVALUATOR_PARAMETERS)
+    own = {item.name for item in dataclasses.fields(EvaluatorConfig)}
+    chosen: Any = {name: value for name, value in values.items() if name in own}
+    return EvaluatorConfig(**chosen)

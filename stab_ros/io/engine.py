@@ -1,4 +1,4 @@
-"""The one way to an engine from parameters, for the node and the command alike."""
+"""The one way to an engine from parameters, for nodes and commands alike."""
 
 from __future__ import annotations
 
@@ -10,15 +10,27 @@ import yaml
 from stab_ros.core.camera import Camera
 from stab_ros.core.config import Value
 from stab_ros.core.errors import InputError
-from stab_ros.core.parameters import checked_values, stabilizer_config
+from stab_ros.core.evaluation import Evaluator
+from stab_ros.core.parameters import (
+    EVALUATOR_PARAMETERS,
+    PARAMETERS,
+    Table,
+    checked_values,
+    evaluator_config,
+    stabilizer_config,
+)
 from stab_ros.core.stabilizer import Stabilizer
+from stab_ros.io.points import read_points
 from stab_ros.io.regions import read_area
 from stab_ros.io.text import one_line
 
-# beginnings of what the node alone reads: the same file serves `--params-file` and `--config`
-_OF_THE_NODE = ("queue_depth", "image_transport", "wait_for_subscribers", "stale_s", "use_sim_time", "qos_overrides.")
+TRACKER, EVALUATOR = "tracker_node", "evaluator_node"
 
-_OURS = ("/**", "/*", "/tracker_node")
+# beginnings of what the nodes alone read: the same file serves `--params-file` and `--config`
+_OF_THE_NODES = ("queue_depth", "image_transport", "wait_for_subscribers", "stale_s", "use_sim_time", "qos_overrides.",
+                 "alarm_s", "window_s", "backlog_mb")
+_OF_ALL_NODES = ("/**", "/*")
+_TABLES = {TRACKER: PARAMETERS, EVALUATOR: EVALUATOR_PARAMETERS}
 
 
 def make_stabilizer(values: Mapping[str, Value], camera: Camera | None = None) -> Stabilizer:
@@ -39,8 +51,21 @@ def reconfigure(stabilizer: Stabilizer, values: Mapping[str, Value]) -> None:
     stabilizer.reconfigure(stabilizer_config(values), read_area(values))
 
 
-def read_config(path: Path) -> dict[str, Value]:
-    """The tracker's parameters in a ROS parameter file: every `ros__parameters` under `/**` or a tracker's name.
+def make_evaluator(values: Mapping[str, Value]) -> Evaluator:
+    """An evaluator with the defaults overridden by `values`.
+
+    Raises:
+        InputError: a value, a region or the file of points is wrong.
+    """
+    points_file = values.get("points_file", "")
+    points = read_points(Path(str(points_file))) if points_file else ()
+    return Evaluator(evaluator_config(values), points, read_area(values))
+
+
+def read_config(path: Path, node: str = TRACKER) -> dict[str, Value]:
+    """The parameters of `node` in a ROS parameter file: every `ros__parameters` under `/**` or a name of that node.
+
+    Under `/**` may also stand what another node of ours knows.
 
     Raises:
         InputError: the file is missing, no ROS parameter file or for other nodes, or a parameter in it is wrong.
@@ -52,14 +77,23 @@ def read_config(path: Path) -> dict[str, Value]:
     nodes = list(_nodes(document))
     if not nodes:
         raise InputError(f"{path}: not a ROS parameter file, it must hold '/**: ros__parameters: name: value'")
-    ours = [parameters for name, parameters in nodes if name.endswith(_OURS)]
+    ours = [(name, parameters) for name, parameters in nodes if name.endswith((*_OF_ALL_NODES, f"/{node}"))]
     if not ours:
         named = ", ".join(name for name, _ in nodes)
-        raise InputError(f"{path}: holds parameters of {named}, it must hold some of /** or of a tracker_node")
+        raise InputError(f"{path}: holds parameters of {named}, it must hold some of /** or of a {node}")
     found: dict[str, object] = {}
-    for parameters in ours:
-        found.update(_flat(path, parameters))
-    return checked_values({name: value for name, value in found.items() if not name.startswith(_OF_THE_NODE)})
+    for name, parameters in ours:
+        shared = name.endswith(_OF_ALL_NODES)
+        found.update({key: value for key, value in _flat(path, parameters).items()
+                      if not (shared and _is_foreign(key, node))})
+    return checked_values({name: value for name, value in found.items() if not name.startswith(_OF_THE_NODES)},
+                          _TABLES[node])
+
+
+def _is_foreign(name: str, node: str) -> bool:
+    """Whether only another node knows the parameter."""
+    tables: Mapping[str, Table] = _TABLES
+    return name not in tables[node] and any(name in table for table in tables.values())
 
 
 def _nodes(tree: object, name: str = "") -> Iterator[tuple[str, object]]:

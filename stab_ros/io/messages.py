@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import struct
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias, cast
 
@@ -17,6 +17,7 @@ from rosbags.typesys.stores import ros2_jazzy as ros
 
 from stab_ros.core.camera import Camera
 from stab_ros.core.errors import InputError, MessageError
+from stab_ros.core.frame_metrics import POINT_METRICS, UNITS, FrameMetrics, Outcome
 from stab_ros.core.types import FloatArray, Frame, Homography, Image, Track
 from stab_ros.io.pixels import decode_compressed, decode_image
 from stab_ros.io.text import number
@@ -28,6 +29,7 @@ IMAGE = "sensor_msgs/msg/Image"
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 DIAGNOSTIC_ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
+FLOAT64 = "std_msgs/msg/Float64"
 
 OK, WARN, ERROR = 0, 1, 2  # diagnostic_msgs/DiagnosticStatus.level
 SECOND_NS = 1_000_000_000
@@ -173,6 +175,26 @@ def track_cdr(track: Track, header: Header) -> bytes:
     }
     level = OK if track.tracked else WARN
     return _diagnostics(header, "track", header.frame_id, level, track.state.value, values)
+
+
+def metrics_cdr(metrics: FrameMetrics, point_names: Sequence[str], header: Header) -> bytes:
+    """DiagnosticArray with the one status of this frame; what was not measured is an empty string.
+
+    Keys are those of UNITS, and for each verification point those of POINT_METRICS, as `rmsd_reference.V1`.
+    """
+    values = {"outcome": metrics.outcome.value, "frame": str(metrics.frame)}
+    values |= {name: number(metrics[name]) for name in UNITS}
+    for name in POINT_METRICS:
+        of_points = metrics.points.get(name, np.empty(0)).tolist()
+        values |= {f"{name}.{point}": number(value) if np.isfinite(value) else ""
+                   for point, value in zip(point_names, of_points, strict=False)}
+    level = WARN if metrics.outcome is Outcome.LOST else OK
+    return _diagnostics(header, "metrics", header.frame_id, level, metrics.outcome.value, values)
+
+
+def float64_cdr(value: float) -> bytes:
+    """std_msgs/Float64."""
+    return _write(ros.std_msgs__msg__Float64(data=value), FLOAT64)
 
 
 def diagnostics_cdr(

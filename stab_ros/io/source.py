@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import statistics
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from enum import Enum
@@ -71,8 +71,12 @@ class Source(Protocol):
     @property
     def warnings(self) -> list[str]: ...
 
-    def items(self, limit: int | None = None) -> Iterator[Picture | Message]:
-        """Everything, up to `limit` pictures. Raises InputError at the end if not one picture could be decoded."""
+    def items(self, limit: int | None = None, others: Collection[str] | None = None) -> Iterator[Picture | Message]:
+        """Everything, up to `limit` pictures; of the other topics only `others`, if given.
+
+        Raises:
+            InputError: at the end, if not one picture could be decoded.
+        """
 
     def frames(self, limit: int | None = None) -> Iterator[Picture]:
         """The pictures alone, as `items`."""
@@ -154,8 +158,9 @@ class BagSource:
     def warnings(self) -> list[str]:
         return self._reader.warnings
 
-    def items(self, limit: int | None = None) -> Iterator[Picture | Message]:
-        return _readable(self, _limited(map(self._item, self._reader.messages()), limit))
+    def items(self, limit: int | None = None, others: Collection[str] | None = None) -> Iterator[Picture | Message]:
+        wanted = None if others is None else {self.image_topic, *others}
+        return _readable(self, _limited(map(self._item, self._reader.messages(wanted)), limit))
 
     def frames(self, limit: int | None = None) -> Iterator[Picture]:
         pictures = map(self._picture, self._reader.messages([self.image_topic]))
@@ -214,7 +219,8 @@ class PictureSource:
     def warnings(self) -> list[str]:
         return self._pictures.warnings
 
-    def items(self, limit: int | None = None) -> Iterator[Picture | Message]:
+    def items(self, limit: int | None = None, others: Collection[str] | None = None) -> Iterator[Picture | Message]:
+        del others  # there are none
         pictures = (Picture(stamp, stamp, stamp, decoded) for stamp, decoded in self._pictures.frames())
         return _readable(self, _limited(pictures, limit))
 

@@ -1,0 +1,101 @@
+"""Which streams of pictures a recording holds, and which homographies and reference belong to them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from stab_ros.core.errors import InputError
+from stab_ros.io.bag import Topic, open_bag
+from stab_ros.io.messages import CAMERA_INFO, IMAGE
+from stab_ros.io.source import IMAGE_TYPES, BagSource, Kind, Source, kind_of, namespace_of, open_source
+
+_STABILIZED, _RAW = "image_stabilized", ("image_raw", "image_raw/compressed")
+_REFERENCE, _DEBUG = "/reference_image", "/debug_image"  # pictures of the tracker, but no streams to judge
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """One topic of pictures, and what belongs to it: the topics of its homographies and of its reference."""
+
+    source: Source
+    homography: str | None = None
+    reference: str | None = None
+
+    @property
+    def others(self) -> list[str]:
+        return [name for name in (self.homography, self.reference) if name is not None]
+
+
+@contextmanager
+def open_streams(path: Path, image_topics: Sequence[str], fps: float | None) -> Iterator[Sequence[Stream]]:
+    """The streams of an input; no `image_topics`: the one there is, or the raw and the stabilised one of a camera.
+
+    Raises:
+        InputError: the input is missing, is none of the kinds we read, or leaves a choice.
+    """
+    with ExitStack() as stack:
+        if kind_of(path) is not Kind.BAG:
+            topic = image_topics[0] if image_topics else None
+            yield [Stream(stack.enter_context(open_source(path, topic, fps)))]
+            return
+        reader = stack.enter_context(open_bag(path))
+        names = choose_topics(str(path), reader.topics, image_topics)
+        yield [_stream(BagSource(path, reader, name)) for name in names]
+
+
+def _stream(source: BagSource) -> Stream:
+    """Homographies belong to what they have brought in place, not to the raw pictures."""
+    namespace = namespace_of(source.topics[source.image_topic])
+    if source.image_topic != f"{namespace}/{_STABILIZED}":
+        return Stream(source)
+    homography = source.topics.get(f"{namespace}/homography")
+    known = homography is not None and homography.msgtype == CAMERA_INFO and homography.count
+    references = [topic.name for topic in source.topics.values() if topic.msgtype == IMAGE
+                  and topic.name.startswith(f"{namespace}/") and topic.name.endswith(_REFERENCE)]
+    return Stream(source, homography.name if homography and known else None, *references[:1])
+
+
+def choose_topics(name: str, topics: Mapping[str, Topic], wanted: Sequence[str]) -> Sequence[str]:
+    """Which picture topics of a bag to evaluate, the raw one first.
+
+    Raises:
+        InputError: there is none, or not the wanted one, or it takes a choice.
+    """
+    images = sorted(topic.name for topic in topics.values() if topic.msgtype in IMAGE_TYPES)
+    unknown = [topic for topic in wanted if topic not in images]
+    if unknown:
+        raise InputError(f"{name}: has no image topic {unknown[0]}; its image topics are {', '.join(images) or 'none'}")
+    if wanted:
+        return list(dict.fromkeys(wanted))
+    filled = [topic for topic in images if topics[topic].count and not topic.endswith((_REFERENCE, _DEBUG))]
+    if len(filled) <= 1:
+        return filled or images[:1] or _no_images(name)
+    pair = _raw_and_stabilized(filled)
+    if pair is None:
+        raise InputError(f"{name}: has several image topics, name one with --image-topic: {', '.join(filled)}")
+    return pair
+
+
+def _no_images(name: str) -> list[str]:
+    raise InputError(f"{name}: holds no images; it must have a topic of type {' or '.join(IMAGE_TYPES)}")
+
+
+def _raw_and_stabilized(filled: Sequence[str]) -> list[str] | None:
+    """The two streams of the one camera that was stabilised; None if there is another choice."""
+    stabilized = [topic for topic in filled if topic.endswith(f"/{_STABILIZED}")]
+    if len(stabilized) != 1:
+        return None
+    namespace = stabilized[0].removesuffix(_STABILIZED)
+    raw = [topic for topic in filled if topic in [namespace + suffix for suffix in _RAW]]
+    strangers = [topic for topic in filled if not topic.startswith(namespace)]
+    return None if strangers else [*raw[:1], *stabilized]
+
+
+def expected_pictures(streams: Sequence[Stream], limit: int | None) -> int | None:
+    """How many pictures all streams have together, at most `limit` each; None where an input does not say."""
+    counts = [stream.source.count if limit is None else min(stream.source.count or limit, limit) for stream in streams]
+    known = [count for count in counts if count is not None]
+    return sum(known) if len(known) == len(counts) else None
