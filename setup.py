@@ -22,7 +22,7 @@ setup(
     maintainer="stab_ros maintainers",
     maintainer_email="maintainers@example.com",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed"]},
+    package_data={NAME: ["py.typed", "report/*.html", "report/*.css", "report/*.js"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (SHARE, ["package.xml"]),
@@ -39,6 +39,8 @@ setup(
         "apsw>=3.45",
         'backports.zstd>=1.0; python_version < "3.14"',
         "lz4>=4.0",
+        "Jinja2>=3.0",
+        "matplotlib>=3.6",
         "mcap>=1.3",
         "rosbags>=0.11",
         "rosbags-image>=0.10.4",
@@ -62,6 +64,7 @@ setup(
         "console_scripts": [
             "stab-ros = stab_ros.cli:main",
             "tracker_node = stab_ros.nodes.tracker:main",
+            "evaluator_node = stab_ros.nodes.evaluator:main",
             "bag_player_node = stab_ros.nodes.bag_player:main",
             "bag_recorder_node = stab_ros.nodes.bag_recorder:main",
         ],

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import accuracy
+import evaluation
 import machine
 import memory
 import real_video
@@ -21,6 +22,7 @@ from tables import Section
 SECTIONS: Mapping[str, Callable[[Effort], Section]] = {
     "speed": speed.measure,
     "accuracy": accuracy.measure,
+    "evaluation": evaluation.measure,
     "memory": memory.measure,
     "real_video": real_video.measure,
 }

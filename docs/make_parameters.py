@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from stab_ros.nodes.evaluator_node import EvaluatorSettings
+
 from stab_ros.core.config import Range
-from stab_ros.core.parameters import PARAMETERS, Parameter
+from stab_ros.core.parameters import EVALUATOR_PARAMETERS, PARAMETERS, Parameter
 from stab_ros.nodes.bag_player_node import PlayerSettings
 from stab_ros.nodes.bag_recorder_node import RecorderSettings
 from stab_ros.nodes.params import table_of
@@ -20,7 +22,9 @@ Made by `python docs/make_parameters.py > docs/parameters.md`; the same is shown
 A value out of range, of the wrong type or unknown is refused with the reason.
 """
 _ENGINE = "The tracker's engine: `tracker_node`, and `-p name:=value` of `stab-ros stabilize`"
-_NODES = {"tracker_node": TrackerSettings, "bag_player_node": PlayerSettings, "bag_recorder_node": RecorderSettings}
+_EVALUATOR = "The evaluator: `evaluator_node`, and `-p name:=value` of `stab-ros evaluate`"
+_NODES = {"tracker_node": TrackerSettings, "evaluator_node": EvaluatorSettings, "bag_player_node": PlayerSettings,
+          "bag_recorder_node": RecorderSettings}
 
 
 def _section(title: str, parameters: Iterable[Parameter]) -> str:
@@ -42,5 +46,6 @@ def _accepts(limits: Range) -> str:
 
 if __name__ == "__main__":
     print(_HEAD + _section(_ENGINE, PARAMETERS.values()))
+    print(_section(_EVALUATOR, EVALUATOR_PARAMETERS.values()))
     for name, settings in _NODES.items():
         print(_section(f"`{name}` alone", table_of(settings).values()))

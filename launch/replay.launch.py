@@ -1,10 +1,12 @@
-"""A recorded flight through the live tracker into a new bag; every frame is answered.
+"""A recorded flight through the live tracker, and the evaluator, into a new bag; every frame is answered.
 
 ros2 launch stab_ros replay.launch.py bag:=flight.mcap output:=stabilized.mcap [namespace:=/camera] [rate:=1.0]
+    [evaluate:=true]
 """
 
 from launch.actions import DeclareLaunchArgument
-from launch.substitutions import LaunchConfiguration
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration, PythonExpression
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
@@ -12,13 +14,22 @@ from launch import LaunchDescription
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Tracker, recorder and player, each waiting for the one after it."""
+    """Tracker, evaluator, recorder and player; tracker and player wait for those that listen to them."""
     namespace = LaunchConfiguration("namespace")
+    evaluate = LaunchConfiguration("evaluate")
+    listeners = PythonExpression(["2 if '", evaluate, "'.lower() in ('true', '1') else 1"])
     tracker = Node(
         package="stab_ros",
         executable="tracker_node",
         namespace=namespace,
-        parameters=[{"queue_depth": 0, "wait_for_subscribers": 1}],
+        parameters=[{"queue_depth": 0, "wait_for_subscribers": ParameterValue(listeners, value_type=int)}],
+        output="screen",
+    )
+    evaluator = Node(
+        package="stab_ros",
+        executable="evaluator_node",
+        namespace=namespace,
+        condition=IfCondition(evaluate),
         output="screen",
     )
     recorder = Node(
@@ -27,7 +38,7 @@ def generate_launch_description() -> LaunchDescription:
         namespace=namespace,
         parameters=[{
             "output": LaunchConfiguration("output"),
-            "topics": ["homography", "image_stabilized", "tracker_node/track"],
+            "topics": ["homography", "image_stabilized", "tracker_node/track", "evaluator_node/metrics"],
         }],
         output="screen",
     )
@@ -46,7 +57,9 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument("output", description="the .mcap to write; end with Ctrl-C once all frames are answered"),
         DeclareLaunchArgument("namespace", default_value="/camera", description="of the recorded camera"),
         DeclareLaunchArgument("rate", default_value="1.0", description="times real time"),
+        DeclareLaunchArgument("evaluate", default_value="true", description="whether the evaluator judges it"),
         tracker,
+        evaluator,
         recorder,
         player,
     ])

@@ -19,10 +19,11 @@ def test_demo_shows_the_result_and_its_error(tmp_path: Path) -> None:
     folder = tmp_path / "demo_output"
     done = subprocess.run([*WORDS, str(folder)], capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
-    made = ("stabilized.mcap", "H.csv", "before_after.mp4", "before_after.png", "report.txt")
+    made = ("stabilized.mcap", "H.csv", "before_after.mp4", "before_after.png", "errors.txt", "report/index.html")
     assert all(str(folder / name) in done.stdout and (folder / name).stat().st_size for name in made)
+    assert float(done.stdout.split("the measures differ by ")[1].split()[0]) < 1e-6
     assert "72 of 72 frames answered, 72 tracked, 72 pictures" in done.stdout
-    median, p95, largest = (float(word) for word in done.stdout.split("stabilised ")[1].split()[:3])
+    median, p95, largest = (float(word) for word in done.stdout.split("\nstabilised ")[1].split()[:3])
     assert median <= p95 <= largest < 0.05
     with (folder / "H.csv").open(encoding="utf-8", newline="") as file:
         assert [row["status"] for row in csv.DictReader(file)] == ["TRACKED"] * 72

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from stab_ros.core.errors import InputError, StabRosError, WorkError
+from stab_ros.demo.judgement import judge
 from stab_ros.demo.pictures import show
 from stab_ros.demo.replay import replay
 from stab_ros.demo.result import Result, compare, read_answers, write_table
@@ -19,6 +20,7 @@ from stab_ros.io.homographies import read_homographies
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample.mcap"
 TRUTH = SAMPLE.with_name("sample_truth.csv")
+SCALE = {"gsd_m": 0.06}  # of the sample, m a pixel
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
@@ -49,17 +51,20 @@ def run(folder: Path) -> str:
         InputError: the sample cannot be read. WorkError: a node failed, or frames were lost.
     """
     truth = read_homographies(TRUTH)
-    bag, table, report = folder / "stabilized.mcap", folder / "H.csv", folder / "report.txt"
+    bag, table, errors = folder / "stabilized.mcap", folder / "H.csv", folder / "errors.txt"
     folder.mkdir(parents=True, exist_ok=True)
-    replay(SAMPLE, bag, folder / "log", len(truth))
+    replay(SAMPLE, bag, folder / "log", len(truth), SCALE)
     answers = read_answers(bag)
     write_table(table, truth, answers)
     result = compare(truth, answers)
-    report.write_text(result.text() + "\n", encoding="utf-8")
+    errors.write_text(result.text() + "\n", encoding="utf-8")
     check_complete(result, folder)
     video, picture = show(SAMPLE, bag, folder)
-    made = {"stabilised bag": bag, "homographies": table, "video": video, "picture": picture, "report": report}
-    return "\n".join([result.text(), "", *(f"{what:<16}{path}" for what, path in made.items())])
+    judgement = judge(bag, folder / "report", SCALE)
+    made = {"stabilised bag": bag, "homographies": table, "errors": errors, "video": video, "picture": picture,
+            "report": judgement.report}
+    return "\n".join([result.text(), "", judgement.text(), "",
+                      *(f"{what:<16}{path}" for what, path in made.items())])
 
 
 def check_complete(result: Result, folder: Path) -> None:

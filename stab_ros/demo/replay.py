@@ -1,4 +1,4 @@
-"""A recording through the live nodes: player, tracker and recorder as processes of their own, over DDS."""
+"""A recording through the live nodes: player, tracker, evaluator and recorder as processes, over DDS."""
 
 from __future__ import annotations
 
@@ -10,42 +10,49 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import HistoryPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import CameraInfo
 from tqdm import tqdm
 
+from stab_ros.core.config import Value
 from stab_ros.core.errors import WorkError
 
 HOMOGRAPHY, TRACK, STABILIZED = "/camera/homography", "/camera/track", "/camera/image_stabilized"
-_PASSED_ON = ("/camera/camera_info", "/gps/fix")
+METRICS = "/camera/metrics"
+_PASSED_ON = ("/camera/image_raw/compressed", "/camera/camera_info", "/gps/fix")
 _STEP_S = 0.1
 _PATIENCE_S = 120.0  # without news for so long, something hangs; the first start compiles the kernels
 _END_S = 15.0  # what a node may take to end
 
 
-def replay(recording: Path, output: Path, log: Path, frames: int) -> None:
-    """Plays `recording`, tracks its `frames` images, records the answers to `output`; what the nodes say goes to `log`.
+def replay(recording: Path, output: Path, log: Path, frames: int, evaluator_values: Mapping[str, Value]) -> None:
+    """Plays `recording`, tracks and judges its `frames` images, records all to `output`; the nodes' words go to `log`.
 
     Raises:
         WorkError: a node failed, or the answers stopped coming.
     """
     _prepare(log)
-    topics = [HOMOGRAPHY, TRACK, STABILIZED, *_PASSED_ON]
+    topics = [HOMOGRAPHY, TRACK, STABILIZED, METRICS, *_PASSED_ON]
     with ExitStack() as stack:
         recorder = stack.enter_context(
             _node("bag_recorder_node", log, {"output": str(output), "overwrite": True, "topics": topics}))
         tracker = stack.enter_context(_node("tracker_node", log, {
-            "image_transport": "compressed", "queue_depth": 0, "wait_for_subscribers": 2,
+            "image_transport": "compressed", "queue_depth": 0, "wait_for_subscribers": 3,
         }, "__ns:=/camera", "~/track:=track"))
+        evaluator = stack.enter_context(_node(
+            "evaluator_node", log, evaluator_values, "__ns:=/camera", "~/metrics:=metrics"))
         answers = stack.enter_context(_Answers.subscribed())
-        player = stack.enter_context(_node("bag_player_node", log, {"bag": str(recording), "wait_for_subscribers": 1}))
-        answers.wait_for(frames, (recorder, tracker, player))
-        for node in (player, recorder, tracker):  # the tracker last: its last picture may be on the way to the recorder
+        player = stack.enter_context(_node("bag_player_node", log, {"bag": str(recording), "wait_for_subscribers": 2}))
+        answers.wait_for(frames, (recorder, tracker, evaluator, player))
+        # the tracker last: its last picture may be on the way to the recorder
+        for node in (player, recorder, evaluator, tracker):
             node.end()
 
 
@@ -130,11 +137,16 @@ def _stop(process: subprocess.Popen[bytes]) -> None:
 
 
 class _Answers:
-    """Counts the homographies as they come."""
+    """Counts the homographies and the metrics as they come."""
 
     def __init__(self, executor: SingleThreadedExecutor) -> None:
-        self.count = 0
+        self._counts = {HOMOGRAPHY: 0, METRICS: 0}
         self._executor = executor
+
+    @property
+    def count(self) -> int:
+        """How many frames have been answered by both."""
+        return min(self._counts.values())
 
     @classmethod
     @contextmanager
@@ -144,7 +156,8 @@ class _Answers:
         try:
             answers = cls(executor)
             keep_all = QoSProfile(history=HistoryPolicy.KEEP_ALL)
-            node.create_subscription(CameraInfo, HOMOGRAPHY, answers._add, keep_all, raw=True)
+            for msg_class, topic in ((CameraInfo, HOMOGRAPHY), (DiagnosticArray, METRICS)):
+                node.create_subscription(msg_class, topic, partial(answers._add, topic), keep_all, raw=True)
             executor.add_node(node)
             yield answers
         finally:
@@ -172,5 +185,5 @@ class _Answers:
                     raise WorkError(f"{self.count} of {frames} frames were answered, then nothing came for "
                                     f"{_PATIENCE_S:g} s")
 
-    def _add(self, _homography: bytes) -> None:
-        self.count += 1
+    def _add(self, topic: str, _message: bytes) -> None:
+        self._counts[topic] += 1

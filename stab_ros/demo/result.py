@@ -70,7 +70,7 @@ def read_answers(path: Path) -> Answers:
                 homographies[stamp_ns] = ref_H_cur
                 size = _reference_size(message.data)
             elif message.topic == TRACK:
-                tracks[read_stamp(message.data)] = _track_values(message.data)
+                tracks[read_stamp(message.data)] = status_values(message.data)
             else:
                 images.add(read_stamp(message.data))
     return Answers(homographies, tracks, frozenset(images), size)
@@ -81,7 +81,8 @@ def _reference_size(cdr: bytes) -> tuple[int, int]:
     return message.width, message.height
 
 
-def _track_values(cdr: bytes) -> Mapping[str, str]:
+def status_values(cdr: bytes) -> Mapping[str, str]:
+    """The keys and values of a DiagnosticArray with one status."""
     message = cast(ros.diagnostic_msgs__msg__DiagnosticArray, typestore().deserialize_cdr(cdr, DIAGNOSTIC_ARRAY))
     return {item.key: item.value for item in message.status[0].values}
 

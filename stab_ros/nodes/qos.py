@@ -60,6 +60,13 @@ def keep_all_offered(offers: Sequence[QoSProfile]) -> QoSProfile:
                       durability=durability_for(offers))
 
 
+def latest_latched(offers: Sequence[QoSProfile]) -> QoSProfile:
+    """The newest message, also one from before we subscribed unless a publisher does not keep it."""
+    latched = all(offer.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offers)
+    return QoSProfile(depth=1, reliability=reliability_for(offers),
+                      durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE)
+
+
 class AdaptiveSubscription:
     """A raw subscription that is made anew when `choose` answers otherwise to what the publishers now offer.
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
@@ -18,7 +19,7 @@ from stab_ros.core.debug import draw_debug
 from stab_ros.core.errors import InputError
 from stab_ros.core.parameters import PARAMETERS
 from stab_ros.core.stabilizer import Stabilizer
-from stab_ros.core.types import Frame, Track
+from stab_ros.core.types import Frame, State, Track
 from stab_ros.io.engine import make_stabilizer, reconfigure
 from stab_ros.io.messages import (
     COMPRESSED_IMAGE,
@@ -166,7 +167,10 @@ class TrackerNode(StabNode):
         self._published_reference = reference
         if self.camera is not None:
             self.camera.settled = True
-        self.reference_image.send(image_cdr(reference.image, reference.encoding, header_of(reference)))
+        in_place = Track(State.TRACKED, 0, reference.stamp_ns, reference.stamp_ns, 0, ref_H_cur=np.eye(3))
+        image = self.stabilizer.warp(reference, in_place)  # without lens distortion, as `image_stabilized`
+        if image is not None:
+            self.reference_image.send(image_cdr(image, reference.encoding, header_of(reference)))
 
     def _use_camera(self) -> None:
         """A camera has become known: the engine starts with it, and takes what was held back."""

@@ -1,4 +1,4 @@
-"""Compiles the engine's kernels before the first frame of the stream has to wait for them."""
+"""Compiles kernels and loads tables before the first frame of the stream has to wait for them."""
 
 from __future__ import annotations
 
@@ -8,20 +8,33 @@ import cv2
 import numpy as np
 
 from stab_ros.core.config import Value
+from stab_ros.core.evaluation import Arrival
 from stab_ros.core.types import Frame, Gray
-from stab_ros.io.engine import make_stabilizer
+from stab_ros.io.engine import make_evaluator, make_stabilizer
 from stab_ros.io.messages import IMAGE, Header, image_cdr, read_image
 
 _SIZE = (320, 240)
-_OF_THE_STREAM = ("roi", "exclude")  # what refers to pixels of the real reference
+_OF_THE_STREAM = ("roi", "exclude", "points_file")  # what refers to pixels of the real reference
 
 
 def warm_up(values: Mapping[str, Value]) -> None:
     """Steps an engine with these settings over two pictures each of gray and colour."""
     for encoding in ("mono8", "bgr8"):  # received gray is read-only memory, a kernel of its own
-        stabilizer = make_stabilizer({name: value for name, value in values.items() if name not in _OF_THE_STREAM})
+        stabilizer = make_stabilizer(_of_any_stream(values))
         for stamp_ns in (1, 2):
             stabilizer.step(_received(_texture(shift_px=stamp_ns), encoding, stamp_ns))
+
+
+def warm_up_evaluator(values: Mapping[str, Value]) -> None:
+    """Lets an evaluator with these settings measure a picture against another, RMSE and velocity field included."""
+    evaluator = make_evaluator(_of_any_stream(values))
+    for index in range(2):
+        frame = _received(_texture(shift_px=index), "mono8", index)
+        evaluator.step(Arrival(index, index, np.eye(3), lost=False, frame=frame))
+
+
+def _of_any_stream(values: Mapping[str, Value]) -> dict[str, Value]:
+    return {name: value for name, value in values.items() if name not in _OF_THE_STREAM}
 
 
 def _texture(shift_px: int) -> Gray:

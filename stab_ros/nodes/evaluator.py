@@ -1,0 +1,24 @@
+"""The executable `evaluator_node`: the node is in `evaluator_node.py`, imported once signals are taken care of."""
+
+from __future__ import annotations
+
+import sys
+
+from stab_ros.nodes.stopping import StopRequest, node_main
+
+
+def main() -> int:
+    """Runs until SIGINT or SIGTERM; exit code 2 and one line for bad parameters."""
+    return node_main("evaluator_node", _run)
+
+
+def _run(stop: StopRequest) -> int:
+    with stop.while_importing():
+        from stab_ros.nodes.evaluator_node import EvaluatorNode
+        from stab_ros.nodes.runtime import run
+
+    return run(EvaluatorNode, stop)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,160 @@
+"""The evaluator as users run it: a separate process over DDS."""
+
+from __future__ import annotations
+
+import math
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from live_graph import Graph, NodeProcess, image_message, stamp_ns, values_of
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from recordings import RECORDERS
+from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Float64
+
+from stab_ros.core.frame_metrics import POINT_METRICS, UNITS
+from stab_ros.core.synthetic import Flight, Shot, preset
+from stab_ros.core.types import Gray
+from stab_ros.io.evaluation import EvaluationJob, TopicEvaluation, evaluate
+
+CONFIG = Path(__file__).parents[1] / "config" / "evaluator.yaml"
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+SIZE = (400, 300)
+METRICS = "/cam/evaluator_node/metrics"
+ERROR, WARN, OK = b"\x02", b"\x01", b"\x00"
+
+
+@pytest.fixture(scope="module")
+def shots() -> list[Shot]:
+    """Fourteen frames over an alpine river."""
+    return list(Flight(preset("alpine"), size=SIZE, frames=14, seed=5))
+
+
+@pytest.fixture(scope="module")
+def ground(shots: list[Shot]) -> Gray:
+    """A picture with room around it, of which `still` cuts one out."""
+    return np.asarray(np.pad(shots[0].image, 8, mode="reflect"))
+
+
+def still(ground: Gray, number: int, shift_px: int = 0) -> Gray:
+    """What a perfect tracker makes of a flight: the same place, noise of its own, and perhaps a jump to the right."""
+    height, width = ground.shape
+    noise = np.random.default_rng(number).normal(0.0, 1.0, (height - 16, width - 16))
+    return np.clip(ground[8:-8, 8 - shift_px : width - 8 - shift_px] + noise, 0, 255).astype(np.uint8)
+
+
+def offline(bag: Path) -> TopicEvaluation:
+    (topic,) = evaluate(EvaluationJob(bag, {}), lambda _done, _total: None).topics
+    return topic
+
+
+def test_live_gives_what_the_command_gives(graph: Graph, shots: list[Shot], tmp_path: Path) -> None:
+    flown, recorded = RECORDERS["mcap"](tmp_path, shots), tmp_path / "live.mcap"
+    heard = graph.listen(DiagnosticArray, METRICS)
+    plotted = {name: graph.listen(Float64, f"/cam/evaluator_node/{name}")
+               for name in ("rmse_px", "rmsd", "displacement_px")}
+    evaluator = graph.start("evaluator_node", "/cam")
+    recorder = graph.start("bag_recorder_node", output=str(recorded),
+                           topics=["/cam/homography", "/cam/image_stabilized"])
+    tracker = graph.start("tracker_node", "/cam", queue_depth=0, wait_for_subscribers=2)
+    player = graph.start("bag_player_node", bag=str(flown), wait_for_subscribers=1, rate=100.0)
+    assert player.wait() == 0
+    graph.until(lambda: len(heard) == len(shots), "every frame measured")
+    graph.until(lambda: len(plotted["displacement_px"]) == len(shots) - 1, "the last value")
+    assert (tracker.stop(), evaluator.stop(), recorder.stop(signal.SIGTERM)) == (0, 0, 0)
+
+    topic = offline(recorded)
+    names = [point.name for point in topic.points]
+    assert [stamp_ns(one) for one in heard] == [row.stamp_ns for row in topic.rows] == [s.stamp_ns for s in shots]
+    for message, row in zip(heard, topic.rows, strict=True):
+        live = values_of(message)
+        expected: dict[str, float | None] = {name: row[name] for name in UNITS}
+        for name in POINT_METRICS:
+            of_points = row.points[name].tolist()
+            expected |= {f"{name}.{point}": value for point, value in zip(names, of_points, strict=False)}
+        assert (live.pop("outcome"), live.pop("frame")) == (row.outcome.value, str(row.frame))
+        assert live.keys() == expected.keys()
+        for key, value in expected.items():
+            told = float(live[key]) if live[key] else math.nan
+            assert told == pytest.approx(math.nan if value is None else value, abs=1e-6, nan_ok=True), key
+    for topic_name, name in (("rmse_px", "rmse_reference_px"), ("rmsd", "rmsd_reference"),
+                             ("displacement_px", "displacement_reference_px")):
+        assert [one.data for one in plotted[topic_name]] == pytest.approx(topic.series(name), abs=1e-6)
+    assert topic.series("rmse_reference_px")
+
+
+class Stream:
+    """What a tracker publishes, made by hand: frame after frame, 40 ms apart."""
+
+    def __init__(self, graph: Graph, ground: Gray, homographies: bool = True) -> None:
+        self.ground = ground
+        self.number = 0
+        self._images = graph.speak(Image, "/cam/image_stabilized")
+        self._homographies = graph.speak(CameraInfo, "/cam/homography") if homographies else None
+
+    def send(self, count: int = 1, shift_px: int = 0, lost: bool = False, picture: Gray | None = None) -> int:
+        """The number of the last frame."""
+        for _ in range(count):
+            image = image_message(still(self.ground, self.number, shift_px) if picture is None else picture,
+                                  10**9 + self.number * 40_000_000)
+            if self._homographies is not None:
+                self._homographies.publish(homography_message(image, lost))
+            if not lost:
+                self._images.publish(image)
+            self.number += 1
+        return self.number - 1
+
+
+def homography_message(image: Any, lost: bool = False) -> CameraInfo:
+    """The identity, or LOST."""
+    one = np.zeros((3, 4)) if lost else np.eye(3, 4)
+    return CameraInfo(header=image.header, k=one[:, :3].ravel(), r=one[:, :3].ravel(), p=one.ravel())
+
+
+def name_of(number: int) -> str:
+    return f"frame {number} ({1 + 0.04 * number:.3f} s)"
+
+
+def level_of(message: Any) -> tuple[bytes, str]:
+    return message.status[0].level, message.status[0].message
+
+
+def evaluator_of(graph: Graph, **parameters: object) -> tuple[NodeProcess, list[Any], list[Any]]:
+    """The node, and what it says on `~/metrics` and on /diagnostics."""
+    heard = graph.listen(DiagnosticArray, METRICS), graph.listen(DiagnosticArray, "/diagnostics")
+    return graph.start("evaluator_node", "/cam", **parameters), *heard
+
+
+def test_trouble_raises_the_level_and_names_the_frame(graph: Graph, ground: Gray) -> None:
+    evaluator, metrics, diagnostics = evaluator_of(graph, alarm_s=1.0, stale_s=1000.0)
+    stream = Stream(graph, ground)
+
+    def calm() -> None:
+        stream.send(3)
+        graph.until(lambda: len(metrics) == stream.number, "every frame measured")
+        graph.until(lambda: level_of(diagnostics[-1]) == (OK, f"no problem up to {name_of(stream.number - 1)}"), "calm")
+
+    def alarmed(said: str) -> None:
+        graph.until(lambda: any(level == ERROR and said in text for level, text in map(level_of, diagnostics)), said)
+
+    calm()
+    jumped = stream.send(shift_px=3)
+    alarmed(f"{name_of(jumped)}: displaced by ")
+    calm()
+    lost = stream.send(lost=True)
+    alarmed(f"{name_of(lost)} is lost")
+    calm()
+    picture = still(ground, 1000)
+    frozen = stream.send(4, picture=picture)
+    alarmed(f"{name_of(frozen)}: the picture is frozen")
+    calm()
+    values = values_of(diagnostics[-1])
+    assert (values["state"], values["frames_in"], values["frames_lost"]) == ("MEASURING", str(stream.number), "1")
+    assert int(values["frames_measured"]) == stream.number - 2  # neither the reference nor what was lost
+    assert float(values["displacement_reference_px.max"]) == pytest.approx(3, abs=0.3)
+    assert evaluator.stop() == 0
