@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -212,8 +214,9 @@ def test_the_same_stream_gives_the_same_numbers() -> None:
 @pytest.mark.parametrize("encoding", ["bgr8", "mono16"])
 def test_colour_and_depth_are_measured_as_gray(encoding: str) -> None:
     def shown(image: Gray, index: int) -> Frame:
+        one = frame(image, index)
         decoded = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if encoding == "bgr8" else image.astype(np.uint16) * 16
-        return frame(decoded, index, encoding)
+        return replace(one, image=decoded, encoding=encoding)
 
     evaluator = Evaluator(EvaluatorConfig())
     for index, image in enumerate([picture(IDENTITY, SIZE), displaced(1.0, 0.5, 1)]):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from stab_ros.core.errors import ConfigError
@@ -33,7 +35,7 @@ def test_a_good_frame_has_none() -> None:
     ({"points_used": 0.0}, Level.WARN, "no verification point"),
 ])
 def test_what_is_wrong_is_said_with_the_frame(values: dict[str, float], level: Level, said: str) -> None:
-    (found,) = findings(metrics(**values), CONFIG)
+    (found,) = findings(metrics(Outcome.MEASURED, **values), CONFIG)
     assert found.level == level
     assert "frame 37 (1.480 s)" in found.text
     assert said in found.text
@@ -57,6 +59,6 @@ def test_thresholds_are_parameters() -> None:
 
 @pytest.mark.parametrize("wrong", [{"window_px": 30}, {"window_px": 3}, {"displacement_warn_px": 3.0},
                                    {"rmse_error_px": 0.1}])
-def test_settings_that_contradict_are_refused(wrong: dict[str, float]) -> None:
+def test_settings_that_contradict_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ConfigError, match=next(iter(wrong)).split("_")[0]):
         EvaluatorConfig(**wrong)

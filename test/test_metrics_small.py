@@ -90,12 +90,23 @@ def test_what_moved_only_once_or_long_ago_is_static() -> None:
     points = StaticPoints(CENTRES)
     moved, still = np.zeros((len(CENTRES), 2)), np.zeros((len(CENTRES), 2))
     moved[5] = 2.0
+    points.vote(still, ALL)
     points.vote(moved, ALL)
     assert points.static.all()
     points.vote(moved, ALL)
     assert np.flatnonzero(~points.static).tolist() == [5]
-    for _ in range(7):
+    for _ in range(6):
         points.vote(still, ALL)
+    assert points.static.all()
+
+
+def test_the_first_frame_counts_alone() -> None:
+    points = StaticPoints(CENTRES)
+    moved, still = np.zeros((len(CENTRES), 2)), np.zeros((len(CENTRES), 2))
+    moved[5] = 2.0
+    points.vote(moved, ALL)
+    assert np.flatnonzero(~points.static).tolist() == [5]
+    points.vote(still, ALL)
     assert points.static.all()
 
 

@@ -47,6 +47,17 @@ def test_a_brightness_change_is_no_motion() -> None:
     assert np.abs(means(field)).max() < 0.002
 
 
+def test_what_moves_off_the_plane_is_no_ground() -> None:
+    """Water in the right half, one frame later: its look is still the same."""
+    current = np.hstack([moved(0.5, 0)[:, :320], moved(3, 0)[:, 320:]])
+    unknown, known = (velocity_field().measure(current, ANYWHERE, plane) for plane in (None, translation(-0.5, 0)))
+    assert np.nanmax(means(unknown)) > 2.9
+    left, right = (np.array([side(r.x_px, 320) for r in known.regions]) for side in (np.less, np.greater))
+    assert means(known)[left] == pytest.approx(np.tile([0.5, 0, 0.5], (6, 1)), abs=0.1)
+    assert all(region.vectors <= 3 for region, wet in zip(known.regions, right, strict=True) if wet)
+    assert np.nanmax(means(known)) < 0.6
+
+
 def test_opposite_vectors_cancel_in_the_mean_but_not_in_the_magnitude() -> None:
     allowed = np.zeros_like(ANYWHERE)
     allowed[150:330, 60:200] = allowed[150:330, 440:580] = True

@@ -17,6 +17,7 @@ from stab_ros.core.region import Area
 from stab_ros.core.scene import NamedPoint, Scene, View, scene_of
 from stab_ros.core.types import BoolArray, FloatArray, Frame, Homography
 from stab_ros.metrics.comparison import Comparison
+from stab_ros.metrics.homologous import Rmse
 from stab_ros.metrics.static_points import StaticPoints
 from stab_ros.metrics.verification import VerificationPoint
 
@@ -165,9 +166,11 @@ class Evaluator:
             previous = scene.compare(before.view, view)
             points |= {"rmsd_previous": previous.rmsd, "displacement_previous_px": previous.displacement_px}
         values = _means(points, self.static) | self._counts(reference, seen)
+        field = None
         if check:
-            values |= _homologous(scene, view, before.view if before is not None else None)
-        field = scene.velocity.measure(view.gray, view.valid) if check else None
+            rmse = _homologous(scene, view, before.view if before is not None else None)
+            values |= _rmse_values(rmse)
+            field = scene.velocity.measure(view.gray, view.valid, rmse.ref_H_cur)
         return FrameMetrics(seen.arrival.index, seen.arrival.stamp_ns, Outcome.MEASURED,
                             values | self._in_metres(values, seen, before), points, self.static, field)
 
@@ -194,9 +197,12 @@ class Evaluator:
         return found
 
 
-def _homologous(scene: Scene, view: View, before: View | None) -> dict[str, float]:
+def _homologous(scene: Scene, view: View, before: View | None) -> Rmse:
     pair = (before.gray, before.valid) if before is not None else (None, None)
-    rmse = scene.homologous.measure(view.gray, view.valid, *pair)
+    return scene.homologous.measure(view.gray, view.valid, *pair)
+
+
+def _rmse_values(rmse: Rmse) -> dict[str, float]:
     named = {"rmse_reference_px": rmse.reference_px, "rmse_previous_px": rmse.previous_px}
     return {"checkpoints": float(rmse.checkpoints)} | {name: px for name, px in named.items() if px is not None}
 

@@ -69,10 +69,10 @@ class Scene:
         gray = to_gray(frame, self.grey_scale)
         valid = valid_overlap(gray, ref_H_cur)
         searched = windows_inside(valid, self.correlator.areas_px, self.correlator.window_px)
-        return View(
-            gray, valid, cut(gray, self.centres_px, self.window_px),
-            windows_inside(valid, self.centres_px, self.window_px), self.correlator.shifts(gray, searched), searched,
-            self._noise_variance(gray, ref_H_cur))
+        shifts_px = self.correlator.shifts(gray, searched, valid)
+        usable = windows_inside(valid, self.centres_px, self.window_px)
+        return View(gray, valid, cut(gray, self.centres_px, self.window_px), usable, shifts_px, searched,
+                    self._noise_variance(gray, ref_H_cur))
 
     def _noise_variance(self, gray: Gray, ref_H_cur: Homography | None) -> FloatArray:
         """Warping averages neighbours, which hides noise from the gauge; what bilinear warping leaves is known."""

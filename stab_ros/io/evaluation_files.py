@@ -14,6 +14,7 @@ import numpy as np
 from stab_ros.core.errors import WorkError
 from stab_ros.core.findings import Finding, Level, findings
 from stab_ros.core.frame_metrics import POINT_METRICS, UNITS, FrameMetrics, Outcome
+from stab_ros.core.types import FloatArray
 from stab_ros.io.evaluation import Evaluation, TopicEvaluation
 from stab_ros.io.text import number
 from stab_ros.metrics.spectra import jitter_and_drift
@@ -69,12 +70,19 @@ def _point(topic: TopicEvaluation, index: int) -> Json:
 
 def unrest_px(topic: TopicEvaluation) -> tuple[float | None, float | None]:
     """Jitter and drift, px: RMS of the shift above and below 1 Hz; None where too few frames tell."""
-    u, v = (np.array([math.nan if row[name] is None else row[name] for row in topic.measured], float)
-            for name in ("shift_u_px", "shift_v_px"))
-    if np.isfinite(u).sum() < 2:
+    u, v = shifts_px(topic)
+    if np.isfinite(u).sum() < 2 or not topic.fps > 0:
         return None, None
     jitter_px, drift_px = jitter_and_drift(u, v, topic.fps)
     return _finite(jitter_px), _finite(drift_px)
+
+
+def shifts_px(topic: TopicEvaluation) -> tuple[FloatArray, FloatArray]:
+    """Shifts u and v, (T,) each, of the frames after the reference, evenly spaced in time; NaN: not measured."""
+    rows = [row for row in topic.rows if row.outcome is not Outcome.REFERENCE]
+    u, v = (np.array([math.nan if row[name] is None else row[name] for row in rows], float)
+            for name in ("shift_u_px", "shift_v_px"))
+    return u, v
 
 
 def findings_of(topic: TopicEvaluation) -> list[Finding]:

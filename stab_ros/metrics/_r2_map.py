@@ -59,7 +59,7 @@ def _rmsd(reference: Gray, probe_px: tuple[int, int], window_px: int, noise_sigm
     small = cv2.resize(square, (width // _STEP_PX, height // _STEP_PX), interpolation=cv2.INTER_AREA)
     side = window_px // _STEP_PX | 1
     mean = cv2.boxFilter(small, cv2.CV_32F, (side, side))
-    return np.sqrt(np.maximum(mean - np.float32(2 * noise_sigma**2), 0))
+    return np.asarray(np.sqrt(np.maximum(mean - np.float32(2 * noise_sigma**2), 0)))
 
 
 def _on_grid(mask: BoolArray) -> BoolArray:

@@ -12,7 +12,10 @@ import numpy as np
 from stab_ros.core.types import FloatArray, Gray, IdArray
 from stab_ros.metrics._sweep import SHIFTS_PX, Sweep
 
-FIT_TO_PX = 4.5  # the paper: a second-degree polynomial fits up to 4 to 5 px
+FIT_TO_PX = 5.0  # the paper: a second-degree polynomial fits up to 4 to 5 px
+_FADING_FROM_PX, _FADING = 4.25, 0.8  # by so much a px less count the last shifts, where it fits worst
+_FEWEST = 3  # shifts to fit, however soon RMSD stops rising
+_FLAT = 0.01  # RMSD, grey levels
 _PLATEAU = 0.95  # of the largest RMSD: beyond, the curve is too flat to read a displacement from it
 _TOLERABLE_SHARE, _TOLERABLE_PX = 0.15, 0.05  # of a displacement, whichever is more: what the fit may be off by
 
@@ -38,7 +41,8 @@ class Calibration:
 
     def __post_init__(self) -> None:
         if not (self.a >= 0 and self.b >= 0 and self.a + self.b > 0 and self.range_px > 0):
-            raise ValueError(f"a = {self.a}, b = {self.b}, range {self.range_px} px: none may be negative, not all zero")
+            raise ValueError(f"a = {self.a}, b = {self.b}, range {self.range_px} px: they must not be negative, "
+                             "and not all 0")
 
     def displacement_px(self, rmsd: FloatArray | float) -> FloatArray:
         """Same shape as `rmsd` (grey levels): the displacement, px, never above `range_px`; NaN stays NaN."""
@@ -91,12 +95,17 @@ def fitted(rmsd: FloatArray, window_px: int) -> tuple[Calibration, Curve]:
     """
     curve = Curve(SHIFTS_PX, rmsd.mean(axis=1))
     end = _end_of_rise(curve.rmsd)
-    if curve.rmsd[end] <= 0:
+    if is_flat(rmsd):
         raise ValueError("a window without texture: a shift changes nothing in it")
-    used = min(end, int(np.searchsorted(SHIFTS_PX, FIT_TO_PX))) + 1
+    used = max(_FEWEST, min(end, int(np.searchsorted(SHIFTS_PX, FIT_TO_PX))) + 1)
     a, b = (float(c) for c in coefficients(SHIFTS_PX[:used], curve.rmsd[:used]))
     r2 = float(determination(a, b, np.repeat(SHIFTS_PX[:used], rmsd.shape[1]), rmsd[:used].ravel()))
     return Calibration(a, b, r2, float(SHIFTS_PX[end]), window_px, float(curve.rmsd[end])), curve
+
+
+def is_flat(rmsd: FloatArray) -> bool:
+    """Whether shifts change nothing but the rounding of the arithmetic: there is nothing to calibrate."""
+    return bool(rmsd.max() < _FLAT)
 
 
 def coefficients(shift_px: FloatArray, rmsd: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -105,7 +114,8 @@ def coefficients(shift_px: FloatArray, rmsd: FloatArray) -> tuple[FloatArray, Fl
     Least squares in which a misfit counts by what is tolerable at that displacement, so that small ones are right too.
     """
     d = shift_px.reshape(-1, *[1] * (rmsd.ndim - 1))
-    weight = 1 / np.maximum(_TOLERABLE_SHARE * d, _TOLERABLE_PX) ** 2
+    fading = np.clip(1 - _FADING * (d - _FADING_FROM_PX), 0, 1)
+    weight = fading / np.maximum(_TOLERABLE_SHARE * d, _TOLERABLE_PX) ** 2
     m2, m3, m4 = (np.sum(weight * rmsd**n, axis=0) for n in (2, 3, 4))
     d1, d2 = (np.sum(weight * d * rmsd**n, axis=0) for n in (1, 2))
     determinant = m4 * m2 - m3 * m3

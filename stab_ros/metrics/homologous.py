@@ -30,16 +30,18 @@ _ENOUGH = 24  # with fewer, the picture may lie elsewhere altogether
 _AWAY_PX = 12.0  # tiles that lie this far away must follow: else only what moved least would be found again
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rmse:
     """RMSE of a picture against the reference and against the picture before, px; None: too few points, or no picture.
 
     checkpoints: the number of points in the comparison with the reference, also when they are too few.
+    ref_H_cur: the plane of the ground that they agree on within a pixel, None where there is none.
     """
 
     reference_px: float | None
     previous_px: float | None
     checkpoints: int
+    ref_H_cur: Homography | None
 
 
 class HomologousPoints:
@@ -91,7 +93,7 @@ class HomologousPoints:
             before = self._found_again(previous, previous_valid, tiles, now.corners)
             _, here, there = np.intersect1d(now.place, before.place, return_indices=True)
             previous_px = rmse(before.px[there], now.px[here])
-        return Rmse(reference_px, previous_px, len(now.place))
+        return Rmse(reference_px, previous_px, len(now.place), now.ref_H_cur)
 
     def _found_again(self, picture: Gray, valid: BoolArray, tiles: IdArray, corners: IdArray) -> _Ground:
         """The reference's points in `picture`, searched with `tiles` at `corners` first, and then where they lie."""
@@ -294,7 +296,8 @@ def _chosen_tiles(reference: Gray, allowed: BoolArray) -> tuple[IdArray, IdArray
     score = _texture_of_tiles(reference, allowed)
     most = size // _TILE_PX
     corners = np.empty((0, 2), np.int64)
-    for columns in range(max(1, round(np.sqrt(_TILES * size[0] / size[1]))), int(most[0]) + 1):
+    fewest = min(most[0], max(1, round(np.sqrt(_TILES * size[0] / size[1]))))
+    for columns in range(int(fewest), int(most[0]) + 1):
         rows = min(most[1], max(1, round(columns * size[1] / size[0])))
         corners = _best_of_cells(score, size, columns, int(rows))
         if len(corners) >= 0.75 * _TILES:

@@ -23,7 +23,7 @@ def cut(image: Image, centres_px: IdArray, window_px: int) -> FloatArray:
         at = np.flatnonzero(outside)[0]
         raise ValueError(f"the window of {window_px} px about ({x[at]}, {y[at]}) leaves the {width}x{height} picture")
     span = np.arange(-half, half + 1)
-    return image[(y[:, None] + span)[:, :, None], (x[:, None] + span)[:, None, :]].astype(np.float32)
+    return np.asarray(image[(y[:, None] + span)[:, :, None], (x[:, None] + span)[:, None, :]], np.float32)
 
 
 def rmsd(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ from stab_ros.core.types import BoolArray, FloatArray, IdArray
 _TOLERANCE_PX, _OF_MOTION = 0.5, 0.05  # off the motion of the others, by which a point has moved
 _LEAST_POINTS = 4  # two always agree on a motion
 _MOST_SAMPLES = 300
-_LEAST_VOTES, _SHARE = 2, 0.25  # of the frames, from which on a point does not count as static
+_LEAST_VOTES, _SHARE = 2, 0.25  # of the frames, from which on a point does not count as static; the first counts alone
 
 
 class StaticPoints:
@@ -29,8 +29,9 @@ class StaticPoints:
 
     @property
     def static(self) -> BoolArray:
-        """(P,) bool: those that moved in less than a quarter of the frames, or only once."""
-        return np.asarray((self._moved < _LEAST_VOTES) | (self._moved < _SHARE * self._seen))
+        """(P,) bool: those that moved in less than a quarter of the frames, or only once of several."""
+        least = np.minimum(_LEAST_VOTES, np.maximum(self._seen, 1))
+        return np.asarray((self._moved < least) | (self._moved < _SHARE * self._seen))
 
     def vote(self, shifts_px: FloatArray, usable: BoolArray) -> None:
         """One frame. shifts_px: (P, 2), NaN where the look was not found again; usable: (P,), where it could be."""

@@ -14,7 +14,8 @@ from itertools import pairwise, product
 import cv2
 import numpy as np
 
-from stab_ros.core.types import BoolArray, FloatArray, Gray, IdArray
+from stab_ros.core.geometry import apply
+from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, IdArray
 from stab_ros.metrics.correlation import MARGIN_PX, Correlator
 
 _WINDOWS_PX = (64, 48, 32)  # the widest that fits into a sub-region, else the last
@@ -24,6 +25,7 @@ _GOOD = 0.5  # share of the best texture in a cell that makes a place as good as
 _NEIGHBOURS = 8
 _TOLERATED_PX = 0.2  # of the median test, on top of what the neighbours differ by
 _OUTLIER = 4.0
+_GATE_PX = 1.0  # off the plane of the ground; as for homologous points, it leaves relief in
 
 
 @dataclass(frozen=True)
@@ -82,14 +84,18 @@ class VelocityField:
         self._region = np.repeat(np.arange(len(boxes)), [len(places) for places in placed])
         self._correlator = Correlator(reference, np.concatenate(placed), window_px)
 
-    def measure(self, current: Gray, valid: BoolArray) -> Field:
+    def measure(self, current: Gray, valid: BoolArray, ref_H_cur: Homography | None = None) -> Field:
         """The field of `current`, (h, w) uint8; areas that leave `valid`, (h, w) bool, are not used.
+
+        ref_H_cur: the plane of the ground as it lies in `current`, if known; what has moved off it is water.
 
         Raises:
             ValueError: a picture or mask of another shape than the reference's.
         """
         centres = self._correlator.areas_px.astype(np.float64)
         shifts = _without_outliers(centres, self._correlator.shifts(current, valid=valid))
+        if ref_H_cur is not None:
+            shifts[_off_plane_px(centres, shifts, ref_H_cur) > _GATE_PX] = np.nan
         return Field(centres, shifts, tuple(
             _region_velocity(i, middle, shifts[self._region == i]) for i, middle in enumerate(self._middles_px)
         ))
@@ -98,7 +104,7 @@ class VelocityField:
 def mean_field(fields: Sequence[Field]) -> Field:
     """The mean over pictures of one reference: every vector found counts the same.
 
-    What is found in fewer than half of the pictures is left out, area or sub-region: it was water, not ground.
+    What is not found in more than half of the pictures is left out, area or sub-region: it was water, not ground.
 
     Raises:
         ValueError: no fields, or fields with different areas.
@@ -109,7 +115,7 @@ def mean_field(fields: Sequence[Field]) -> Field:
     found = np.isfinite(shifts[:, :, :1])
     total = np.where(found, shifts, 0.0).sum(axis=0)
     count = found.sum(axis=0)
-    mean = np.divide(total, count, out=np.full(total.shape, np.nan), where=2 * count >= len(fields))
+    mean = np.divide(total, count, out=np.full(total.shape, np.nan), where=2 * count > len(fields))
     regions = zip(*(field.regions for field in fields), strict=True)
     return Field(fields[0].centres_px, mean, tuple(_mean_velocity(region) for region in regions))
 
@@ -117,7 +123,7 @@ def mean_field(fields: Sequence[Field]) -> Field:
 def _mean_velocity(over_time: Sequence[RegionVelocity]) -> RegionVelocity:
     """One sub-region's mean, weighted by the number of vectors."""
     first, found = over_time[0], [v for v in over_time if v.vectors]
-    if 2 * len(found) < len(over_time):
+    if 2 * len(found) <= len(over_time):
         return RegionVelocity(first.region, first.x_px, first.y_px, np.nan, np.nan, np.nan, 0)
     weights = [v.vectors for v in found]
     u, v, magnitude = np.average([(v.u_px, v.v_px, v.magnitude_px) for v in found], axis=0, weights=weights)
@@ -136,7 +142,7 @@ def _without_outliers(centres_px: FloatArray, shifts_px: FloatArray) -> FloatArr
     """`shifts_px`, NaN where it fits its neighbours badly: the normalised median test, Westerweel and Scarano 2005."""
     known = np.flatnonzero(np.isfinite(shifts_px[:, 0]))
     if len(known) <= _NEIGHBOURS:
-        return shifts_px
+        return shifts_px.copy()
     places, vectors = centres_px[known], shifts_px[known]
     distance = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))
     near = vectors[np.argsort(distance, axis=1, kind="stable")[:, 1 : _NEIGHBOURS + 1]]
@@ -146,6 +152,11 @@ def _without_outliers(centres_px: FloatArray, shifts_px: FloatArray) -> FloatArr
     kept = shifts_px.copy()
     kept[known[bad]] = np.nan
     return kept
+
+
+def _off_plane_px(centres_px: FloatArray, shifts_px: FloatArray, ref_H_cur: Homography) -> FloatArray:
+    """(n,): how far each shift is from that of a plane; NaN where there is none."""
+    return np.asarray(np.hypot(*(centres_px + shifts_px - apply(np.linalg.inv(ref_H_cur), centres_px)).T))
 
 
 def _boxes(shape: tuple[int, ...], columns: int, rows: int) -> list[tuple[int, int, int, int]]:

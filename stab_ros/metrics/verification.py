@@ -18,7 +18,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.types import BoolArray, Gray
 from stab_ros.metrics._r2_map import candidates, quality
 from stab_ros.metrics._sweep import MARGIN_PX, Sweep
-from stab_ros.metrics.calibration import Calibration, Curve, fitted
+from stab_ros.metrics.calibration import Calibration, Curve, fitted, is_flat
 
 WINDOWS_PX = (15, 19, 23, 27, 31, 35, 39, 43, 47, 51)
 _MAP_WINDOW_PX = 31  # where the window is still to be chosen
@@ -95,9 +95,10 @@ def _calibrated(reference: Gray, places: Sequence[tuple[str, int, int]], windows
     by_window: dict[int, list[VerificationPoint]] = {window: [] for window in windows}
     for name, x, y in places:
         for window, rmsd in zip(windows, sweep.rmsd((x, y), windows), strict=True):
-            if rmsd.max() > 0:
+            if not is_flat(rmsd):
                 by_window[window].append(VerificationPoint(name, x, y, *fitted(rmsd, window)))
-    return tuple(max(by_window.values(), key=_mean_r2))
+    best = max(by_window.values(), key=_mean_r2)
+    return tuple(best)
 
 
 def _mean_r2(points: Sequence[VerificationPoint]) -> float:
