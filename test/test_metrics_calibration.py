@@ -179,7 +179,7 @@ def test_the_quality_map_ranks_as_the_full_calibration() -> None:
     fine: FloatArray = np.array([calibrate(ground(), place, 31, 0.0)[0].r2 for place in places])
     coarse = np.array([rough[y // 4, x // 4] for x, y in places])
     order = [np.argsort(np.argsort(values)).astype(np.float64) for values in (fine, coarse)]
-    assert np.corrcoef(*order)[0, 1] > 0.6
+    assert np.corrcoef(order[0], order[1])[0, 1] > 0.6
 
 
 def test_a_sweep_finds_the_same_in_every_window_at_once() -> None:

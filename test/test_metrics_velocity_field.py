@@ -183,24 +183,24 @@ def test_a_flight_over_a_river_beside_its_water() -> None:
 
 
 def test_the_mean_over_time_by_hand() -> None:
-    centres = np.array([[10.0, 10.0], [20.0, 10.0], [30.0, 10.0]])
-    nothing = RegionVelocity(1, 30.0, 10.0, np.nan, np.nan, np.nan, 0)
-    first = Field(centres, np.array([[1.0, 0.0], [3.0, 4.0], [9.0, 9.0]]),
-                  (RegionVelocity(0, 15.0, 10.0, 2.0, 2.0, 3.0, 2), RegionVelocity(1, 30.0, 10.0, 9.0, 9.0, 12.7, 1)))
-    second = Field(centres, np.array([[-2.0, 1.0], [np.nan, np.nan], [np.nan, np.nan]]),
-                   (RegionVelocity(0, 15.0, 10.0, -2.0, 1.0, 2.2, 1), nothing))
-    third = Field(centres, np.array([[4.0, 2.0], [5.0, 0.0], [np.nan, np.nan]]),
-                  (RegionVelocity(0, 15.0, 10.0, 4.5, 1.0, 4.7, 2), nothing))
-    mean = mean_field([first, second, third])
+    centres = np.array([[10.0, 10.0], [20.0, 10.0], [30.0, 10.0], [15.0, 20.0]])
+    nothing, region = [np.nan, np.nan], np.array([0, 0, 1, 0])
+    over_time = [np.array(vectors) for vectors in (
+        [[1.0, 0.0], [3.0, 4.0], [9.0, 9.0], [8.0, 0.0]], [[-2.0, 1.0], nothing, nothing, nothing],
+        [[4.0, 2.0], [5.0, 0.0], nothing, nothing])]
+    empty = (RegionVelocity(0, 15.0, 10.0, np.nan, np.nan, np.nan, 0),
+             RegionVelocity(1, 30.0, 10.0, np.nan, np.nan, np.nan, 0))
+    mean = mean_field([Field(centres, vectors, region, empty) for vectors in over_time])
     np.testing.assert_array_equal(mean.centres_px, centres)
-    np.testing.assert_allclose(mean.shifts_px, [[1.0, 1.0], [4.0, 2.0], [np.nan, np.nan]])
+    np.testing.assert_allclose(mean.shifts_px, [[1.0, 1.0], [4.0, 2.0], nothing, nothing])
     static, water = mean.regions
     assert (static.region, static.x_px, static.y_px, static.vectors) == (0, 15.0, 10.0, 5)
-    assert static.u_px == pytest.approx((2 * 2.0 - 2.0 + 2 * 4.5) / 5)
-    assert static.v_px == pytest.approx((2 * 2.0 + 1.0 + 2 * 1.0) / 5)
-    assert static.magnitude_px == pytest.approx((2 * 3.0 + 2.2 + 2 * 4.7) / 5)
+    assert static.u_px == pytest.approx((1 + 3 - 2 + 4 + 5) / 5), "not the area that was found once in three pictures"
+    assert static.v_px == pytest.approx((0 + 4 + 1 + 2 + 0) / 5)
+    assert static.magnitude_px == pytest.approx((1 + 5 + 5**0.5 + 20**0.5 + 5) / 5)
     assert water.vectors == 0, "found once in three pictures: water"
     assert np.isnan([water.u_px, water.v_px, water.magnitude_px]).all()
+    assert np.isfinite(over_time[0]).all(), "what was measured is left as it was"
 
 
 def test_the_mean_of_one_field_is_that_field() -> None:
@@ -220,4 +220,4 @@ def test_misuse_is_an_error() -> None:
     with pytest.raises(ValueError, match="some"):
         mean_field([])
     with pytest.raises(ValueError, match=r"must be \(n, 2\)"):
-        Field(np.zeros((3, 2)), np.zeros((2, 2)), ())
+        Field(np.zeros((3, 2)), np.zeros((2, 2)), np.zeros(3, np.int64), ())

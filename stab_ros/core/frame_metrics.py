@@ -20,6 +20,11 @@ class Outcome(Enum):
     LOST = "LOST"
     NO_IMAGE = "NO_IMAGE"
 
+    @property
+    def has_picture(self) -> bool:
+        """Whether the frame came with a picture that could be used."""
+        return self in (Outcome.REFERENCE, Outcome.MEASURED)
+
 
 # name and unit of every number of a frame; those of the contract first
 UNITS: Mapping[str, str] = {

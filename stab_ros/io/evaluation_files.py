@@ -6,6 +6,7 @@ import csv
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -36,10 +37,13 @@ def topic_json(topic: TopicEvaluation) -> Json:
     found: Json = {name: _summary(topic.summary(name)) for name in UNITS}
     found["svf"] = [_region(region) for region in topic.field.regions] if topic.field else []
     found["points"] = [_point(topic, index) for index in range(len(topic.points))]
+    found["frames"] = len(topic.rows)
     for outcome in Outcome:
         found[f"frames_{outcome.value.lower()}"] = topic.count(outcome)
     found["fps"] = topic.fps
     found["gsd_m"] = topic.config.gsd_m or None
+    found["size_px"] = list(topic.reference.size)
+    found["settings"] = asdict(topic.config)
     found["jitter_px"], found["drift_px"] = unrest_px(topic)
     found["findings"] = _findings(topic)
     found["per_frame"] = [_frame(row) for row in topic.rows]
@@ -79,10 +83,14 @@ def unrest_px(topic: TopicEvaluation) -> tuple[float | None, float | None]:
 
 def shifts_px(topic: TopicEvaluation) -> tuple[FloatArray, FloatArray]:
     """Shifts u and v, (T,) each, of the frames after the reference, evenly spaced in time; NaN: not measured."""
-    rows = [row for row in topic.rows if row.outcome is not Outcome.REFERENCE]
-    u, v = (np.array([math.nan if row[name] is None else row[name] for row in rows], float)
+    u, v = (np.array([math.nan if row[name] is None else row[name] for row in after_reference(topic)], float)
             for name in ("shift_u_px", "shift_v_px"))
     return u, v
+
+
+def after_reference(topic: TopicEvaluation) -> list[FrameMetrics]:
+    """All frames but the reference, measured or not."""
+    return [row for row in topic.rows if row.outcome is not Outcome.REFERENCE]
 
 
 def findings_of(topic: TopicEvaluation) -> list[Finding]:

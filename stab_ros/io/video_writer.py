@@ -81,7 +81,7 @@ class VideoWriter:
 
     def _show(self, image: Image, encoding: str) -> None:
         height, width = self._shown.shape[:2]
-        self._shown = _fitted(_to_bgr(Frame(image, encoding, stamp_ns=0), self._depth_scale), (width, height))
+        self._shown = _fitted(to_bgr(Frame(image, encoding, stamp_ns=0), self._depth_scale), (width, height))
 
 
 def _fitted(image: Image, size: tuple[int, int]) -> Image:
@@ -98,7 +98,8 @@ def _fitted(image: Image, size: tuple[int, int]) -> Image:
     return fitted
 
 
-def _to_bgr(frame: Frame, scale: float) -> Image:
+def to_bgr(frame: Frame, scale: float) -> Image:
+    """(h, w, 3) uint8; 16-bit pictures are multiplied by `scale`."""
     if frame.encoding == "bgr8":
         return frame.image
     if frame.encoding in _TO_BGR:

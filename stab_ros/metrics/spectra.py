@@ -12,6 +12,7 @@ import numpy as np
 
 from stab_ros.core.types import FloatArray
 
+SPLIT_HZ = 1.0  # between drift and jitter
 _FEWEST = 4  # values, for anything to be said about frequencies
 
 
@@ -41,7 +42,7 @@ def spectrum(shift_px: FloatArray, fps: float) -> Spectrum:
     return Spectrum(np.fft.rfftfreq(len(series), 1 / fps), density)
 
 
-def jitter_and_drift(u_px: FloatArray, v_px: FloatArray, fps: float, split_hz: float = 1.0) -> tuple[float, float]:
+def jitter_and_drift(u_px: FloatArray, v_px: FloatArray, fps: float, split_hz: float = SPLIT_HZ) -> tuple[float, float]:
     """RMS length of the shifts, px, in what is quicker than `split_hz`, and in the rest with the mean.
 
     jitter^2 + drift^2 = mean(u^2 + v^2). The series are mirrored at their ends, so that a drift, whose end does not

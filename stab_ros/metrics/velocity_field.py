@@ -49,10 +49,12 @@ class Field:
     """The vectors of one picture, or their mean over several. All in px.
 
     centres_px, shifts_px: (n, 2), the areas and how far their content moved, NaN where that is not known.
+    region: (n,) int64, the number of each area's sub-region.
     """
 
     centres_px: FloatArray
     shifts_px: FloatArray
+    region: IdArray
     regions: tuple[RegionVelocity, ...]
 
     def __post_init__(self) -> None:
@@ -96,7 +98,7 @@ class VelocityField:
         shifts = _without_outliers(centres, self._correlator.shifts(current, valid=valid))
         if ref_H_cur is not None:
             shifts[_off_plane_px(centres, shifts, ref_H_cur) > _GATE_PX] = np.nan
-        return Field(centres, shifts, tuple(
+        return Field(centres, shifts, self._region, tuple(
             _region_velocity(i, middle, shifts[self._region == i]) for i, middle in enumerate(self._middles_px)
         ))
 
@@ -104,30 +106,23 @@ class VelocityField:
 def mean_field(fields: Sequence[Field]) -> Field:
     """The mean over pictures of one reference: every vector found counts the same.
 
-    What is not found in more than half of the pictures is left out, area or sub-region: it was water, not ground.
+    An area that is not found in more than half of the pictures is left out: it was water, not ground.
 
     Raises:
         ValueError: no fields, or fields with different areas.
     """
     if len({field.centres_px.tobytes() for field in fields}) != 1:
         raise ValueError(f"{len(fields)} fields to average, there must be some and all with the same areas")
-    shifts = np.stack([field.shifts_px for field in fields])
-    found = np.isfinite(shifts[:, :, :1])
-    total = np.where(found, shifts, 0.0).sum(axis=0)
-    count = found.sum(axis=0)
-    mean = np.divide(total, count, out=np.full(total.shape, np.nan), where=2 * count > len(fields))
-    regions = zip(*(field.regions for field in fields), strict=True)
-    return Field(fields[0].centres_px, mean, tuple(_mean_velocity(region) for region in regions))
-
-
-def _mean_velocity(over_time: Sequence[RegionVelocity]) -> RegionVelocity:
-    """One sub-region's mean, weighted by the number of vectors."""
-    first, found = over_time[0], [v for v in over_time if v.vectors]
-    if 2 * len(found) <= len(over_time):
-        return RegionVelocity(first.region, first.x_px, first.y_px, np.nan, np.nan, np.nan, 0)
-    weights = [v.vectors for v in found]
-    u, v, magnitude = np.average([(v.u_px, v.v_px, v.magnitude_px) for v in found], axis=0, weights=weights)
-    return RegionVelocity(first.region, first.x_px, first.y_px, float(u), float(v), float(magnitude), sum(weights))
+    first, shifts = fields[0], np.stack([field.shifts_px for field in fields])
+    found = np.isfinite(shifts[:, :, 0])
+    ground = 2 * found.sum(axis=0) > len(fields)
+    shifts[:, ~ground] = np.nan
+    mean = np.full(first.shifts_px.shape, np.nan)
+    mean[ground] = np.nanmean(shifts[:, ground], axis=0)
+    return Field(first.centres_px, mean, first.region, tuple(
+        _region_velocity(one.region, (one.x_px, one.y_px), shifts[:, first.region == one.region].reshape(-1, 2))
+        for one in first.regions
+    ))
 
 
 def _region_velocity(region: int, middle_px: tuple[float, float], shifts_px: FloatArray) -> RegionVelocity:

@@ -1,0 +1,45 @@
+"""The d(RMSD) fit of every verification point, Eq. 3 of Ljubicic et al. 2021."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import matplotlib
+import numpy as np
+
+from stab_ros.io.evaluation import TopicEvaluation
+from stab_ros.metrics.calibration import FIT_TO_PX
+from stab_ros.report.panel import Panel, drawn, label, legend, new_axes
+
+_COLORS = "tab20"
+
+
+def calibration_panels(topics: Sequence[TopicEvaluation]) -> list[Panel]:
+    """Once where all streams have the same reference."""
+    shown = {tuple(point.calibration for point in topic.points): topic for topic in topics}
+    return [_panel(topic) for topic in shown.values()]
+
+
+def _panel(topic: TopicEvaluation) -> Panel:
+    title = f"{topic.topic}: displacement by RMSD"
+    if not topic.points:
+        return Panel(title, "There is no verification point, so nothing was calibrated.")
+    figure, axes = new_axes(5.4)
+    colors = matplotlib.colormaps[_COLORS](np.arange(len(topic.points)) % 20)
+    for point, color in zip(topic.points, colors, strict=True):
+        fit, curve = point.calibration, point.curve
+        axes.plot(curve.rmsd, curve.shift_px, ".", color=color, markersize=5)
+        rmsd = np.linspace(0, curve.rmsd.max(), 200)
+        within = fit.a * rmsd**2 + fit.b * rmsd <= fit.range_px
+        axes.plot(rmsd[within], fit.displacement_px(rmsd[within]), color=color, linewidth=1.3,
+                  label=f"{point.name}: R² {fit.r2:.3f}")
+        axes.plot(fit.range_rmsd, fit.range_px, "_", color=color, markersize=12, markeredgewidth=2)
+    axes.axhline(FIT_TO_PX, color="#888888", linewidth=0.8, linestyle="--")
+    axes.set_xlim(left=0)
+    axes.set_ylim(bottom=0)
+    label(axes, "RMSD, grey levels", "displacement, px")
+    legend(axes)
+    return drawn(figure, title, "Dots: the RMSD that the reference has against itself, shifted by known amounts, mean "
+                 f"over eight directions. Lines: d = a RMSD² + b RMSD, fitted up to {FIT_TO_PX:g} px (dashed). Bars: "
+                 "the range; further than this a displacement cannot be told.",
+                 "Displacement in pixels over RMSD in grey levels: measured points and fitted polynomials.")

@@ -1,0 +1,91 @@
+"""What lies where in the reference: the residual velocity field, and the verification points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from stab_ros.core.types import FloatArray
+from stab_ros.io.evaluation import TopicEvaluation
+from stab_ros.metrics.velocity_field import Field
+from stab_ros.report.panel import Panel, drawn, gray_of, new_axes, picture_height_in, show_picture
+
+_VECTOR_COLOR, _REGION_COLOR = "#ffd23f", "#ff3b30"
+_STATIC_COLOR, _MOVING_COLOR = "#35e06b", "#ff3b30"
+_LONGEST = 0.09  # of the picture's width, that the longest of the vectors shall have
+_KEYS = (1.0, 2.0, 5.0)
+
+
+def field_panels(topics: Sequence[TopicEvaluation]) -> list[Panel]:
+    """One for each stream, the raw one first."""
+    return [_field_panel(topic) for topic in topics]
+
+
+def _field_panel(topic: TopicEvaluation) -> Panel:
+    title = f"{topic.topic}: residual velocity field"
+    field = topic.field
+    if field is None or not np.isfinite(field.shifts_px).any():
+        return Panel(title, "No vector could be measured, so there is no field to draw.")
+    width, height = topic.reference.size
+    figure, axes = new_axes(picture_height_in(width, height))
+    show_picture(axes, gray_of(topic.reference) * 0.6)
+    scale = _draw_vectors(axes, field, width)
+    axes.set_xlim(-0.5, width - 0.5)
+    axes.set_ylim(height - 0.5, -0.5)
+    return drawn(figure, title, f"Over the reference. Yellow: areas; red: means of the {len(field.regions)} "
+                 f"sub-regions, mean over the checked frames; the key shows {scale:g} px, each stream has its own.",
+                 "Arrows on the reference picture: in which direction, and how far in pixels, the ground still moves.",
+                 photo=True)
+
+
+def _draw_vectors(axes: Axes, field: Field, width: int) -> float:
+    """The length of the key, px."""
+    lengths = np.hypot(*field.shifts_px.T)
+    longest = max(float(np.nanpercentile(lengths, 95)), 1e-3)
+    per_px = _LONGEST * width / longest
+    key_px = _round_length(longest)
+    at = np.isfinite(lengths)
+    look: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1 / per_px}
+    areas = axes.quiver(*field.centres_px[at].T, *field.shifts_px[at].T, color=_VECTOR_COLOR, width=0.004, **look)
+    means = _means(field)
+    axes.quiver(*means[:, :2].T, *means[:, 2:].T, color=_REGION_COLOR, width=0.007, **look)
+    axes.quiverkey(areas, 0.86, 1.03, key_px, f"{key_px:g} px", labelpos="E", coordinates="axes", color="black")
+    return key_px
+
+
+def _means(field: Field) -> FloatArray:
+    """(regions, 4): x, y, u, v."""
+    return np.array([(r.x_px, r.y_px, r.u_px, r.v_px) for r in field.regions if r.vectors]).reshape(-1, 4)
+
+
+def _round_length(length_px: float) -> float:
+    """A round number near it."""
+    decade = 10 ** np.floor(np.log10(length_px))
+    return float(max(key * decade for key in _KEYS if key * decade <= length_px * 1.001))
+
+
+def point_panels(topics: Sequence[TopicEvaluation]) -> list[Panel]:
+    """Where the verification points are; once where all streams have the same."""
+    shown = {tuple((point.x_px, point.y_px) for point in topic.points): topic for topic in topics}
+    return [_point_panel(topic) for topic in shown.values()]
+
+
+def _point_panel(topic: TopicEvaluation) -> Panel:
+    title = f"{topic.topic}: verification points"
+    if not topic.points:
+        return Panel(title, "The reference has no place for a verification point.")
+    width, height = topic.reference.size
+    figure, axes = new_axes(picture_height_in(width, height))
+    show_picture(axes, gray_of(topic.reference) * 0.7)
+    for point, static in zip(topic.points, topic.static, strict=True):
+        half, color = point.calibration.window_px / 2, _STATIC_COLOR if static else _MOVING_COLOR
+        left, right, top, bottom = point.x_px - half, point.x_px + half, point.y_px - half, point.y_px + half
+        axes.plot([left, right, right, left, left], [top, top, bottom, bottom, top], color=color, linewidth=1.2)
+        axes.annotate(point.name, (right, point.y_px), xytext=(3, 0), textcoords="offset points", va="center",
+                      color=color, fontsize=10, fontweight="bold")
+    return drawn(figure, title, "The windows that RMSD is measured in, on the reference. Green: static; red: moves on "
+                 "its own, left out of the means.",
+                 f"The reference picture with the windows of {len(topic.points)} verification points.", photo=True)

@@ -1,0 +1,40 @@
+"""Every number in the text of the report is one of the JSON, rounded here, and says which."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from markupsafe import Markup, escape
+
+from stab_ros.io.evaluation_files import Json
+
+NOTHING = "-"
+
+
+class Numbers:
+    """Looks numbers up in the JSON of an evaluation."""
+
+    def __init__(self, tree: Json) -> None:
+        self._tree = tree
+
+    def __call__(self, *path: str | int) -> Markup:
+        """The number at `path`, as an element that names its place as a JSON pointer (RFC 6901)."""
+        pointer = "".join("/" + str(step).replace("~", "~0").replace("/", "~1") for step in path)
+        return Markup('<span class="number" data-pointer="{}">{}</span>').format(pointer, shown(self._at(path)))
+
+    def _at(self, path: tuple[str | int, ...]) -> Any:
+        value: Any = self._tree
+        for step in path:
+            value = value[step]
+        return value
+
+
+def shown(value: Any) -> str:
+    """A number for reading: three decimals, or two digits where that would hide it; a dash where there is none."""
+    if value is None:
+        return NOTHING
+    if isinstance(value, bool | str):
+        return str(escape(value))
+    if isinstance(value, int) or float(value).is_integer():
+        return str(int(value))
+    return f"{value:.3f}" if abs(value) >= 0.001 else f"{value:.2g}"

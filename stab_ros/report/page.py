@@ -1,0 +1,80 @@
+"""Puts numbers, figures and pictures together into `index.html`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+
+from stab_ros import __version__
+from stab_ros.core.errors import WorkError
+from stab_ros.core.frame_metrics import UNITS
+from stab_ros.io.evaluation import Evaluation, EvaluationJob, Progress
+from stab_ros.io.evaluation_files import Json, as_json
+from stab_ros.io.outputs import completed
+from stab_ros.report.boxes import box_panels
+from stab_ros.report.calibration import calibration_panels
+from stab_ros.report.maps import field_panels, point_panels
+from stab_ros.report.motion import path_panels, spectrum_panels
+from stab_ros.report.numbers import Numbers
+from stab_ros.report.overlay import overlay_panels
+from stab_ros.report.panel import Section
+from stab_ros.report.pictures import Pictures, read_pictures
+from stab_ros.report.scrub import scrub_of
+from stab_ros.report.series import series_panels
+
+_NAME = "index.html"
+
+
+def write_report(evaluation: Evaluation, job: EvaluationJob, folder: Path, progress: Progress) -> Path:
+    """Reads the pictures it shows once more, and writes `index.html` into `folder`, which exists.
+
+    Raises:
+        InputError: the folder cannot be written into, or the source cannot be read any more.
+        WorkError: the disk is full.
+    """
+    pictures = read_pictures(evaluation, job, progress)
+    path = folder / _NAME
+    with completed(path) as partial:
+        try:
+            partial.write_text(_page(evaluation, pictures), encoding="utf-8")
+        except OSError as error:
+            raise WorkError(f"{path}: {error.strerror}") from error
+    return path
+
+
+def _page(evaluation: Evaluation, pictures: Pictures) -> str:
+    tree, scrub = as_json(evaluation), scrub_of(evaluation, pictures)
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
+                                     lstrip_blocks=True, loader=jinja2.FunctionLoader(_own_file))
+    return environment.get_template("template.html").render(
+        n=Numbers(tree), json=tree, data=_embedded(tree), units=UNITS, version=__version__,
+        style=Markup(_own_file("style.css")), script=Markup(_own_file("scrub.js")),
+        sections=list(_sections(evaluation, pictures)), scrub=scrub,
+        scrub_data=_embedded({"labels": scrub.labels, "streams": [uris for _, uris in scrub.streams]}))
+
+
+def _sections(evaluation: Evaluation, pictures: Pictures) -> Iterator[Section]:
+    """The figures in the order of the page."""
+    topics = evaluation.topics
+    yield Section("boxes", "Displacement at the verification points", box_panels(topics))
+    yield Section("series", "Over time", series_panels(topics))
+    yield Section("field", "Residual velocity field", field_panels(topics))
+    yield Section("motion", "Drift and jitter", [*path_panels(topics), *spectrum_panels(topics)])
+    yield Section("worst", "Worst frames", overlay_panels(topics, pictures))
+    yield Section("calibration", "From RMSD to displacement", [*calibration_panels(topics), *point_panels(topics)])
+
+
+def _embedded(tree: Json) -> Markup:
+    """As the content of a script element, which must not hold its own end."""
+    text: Any = json.dumps(tree, allow_nan=False)
+    return Markup(text.replace("<", "\\u003c").replace("&", "\\u0026"))
+
+
+def _own_file(name: str) -> str:
+    return files(__package__).joinpath(name).read_text(encoding="utf-8")

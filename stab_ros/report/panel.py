@@ -1,0 +1,100 @@
+"""A figure of the report: a picture with caption, units and a text for those who cannot see it."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from stab_ros.core.gray import depth_scale, to_gray
+from stab_ros.core.types import Frame, Gray, Image
+
+WIDTH_IN, _DPI = 6.0, 140  # so that letters of 11 points are legible on a phone
+REFERENCE_COLOR, PREVIOUS_COLOR, LOST_COLOR = "#1f5f99", "#e08214", "#c0392b"
+_STREAM_COLORS = ("#b2601a", "#1f6fb2", "#3b8a4d", "#8a4d9e")  # raw first, as in the tables
+_FONT_PT = 11
+_JPEG_QUALITY = 82
+Size = tuple[float, float]  # width and height, inches
+
+
+@dataclass(frozen=True)
+class Panel:
+    """uri: the picture as a data URI; None: there is nothing to draw, and the caption says why."""
+
+    title: str
+    caption: str
+    alt: str = ""
+    uri: str | None = None
+
+
+@dataclass(frozen=True)
+class Section:
+    """Figures under one heading. name: the anchor."""
+
+    name: str
+    title: str
+    panels: Sequence[Panel]
+
+
+def new_axes(height_in: float = 3.8) -> tuple[Figure, Axes]:
+    """One pair of axes on a figure of the usual width; without any global state."""
+    figure = Figure(figsize=(WIDTH_IN, height_in), dpi=_DPI, layout="constrained")
+    axes = figure.add_subplot()
+    axes.tick_params(labelsize=_FONT_PT - 1)
+    axes.grid(True, color="#d8d8d8", linewidth=0.6)
+    axes.set_axisbelow(True)
+    return figure, axes
+
+
+def label(axes: Axes, x: str, y: str) -> None:
+    """What the axes show, with units."""
+    axes.set_xlabel(x, fontsize=_FONT_PT)
+    axes.set_ylabel(y, fontsize=_FONT_PT)
+
+
+def legend(axes: Axes) -> None:
+    """Below the axes, where it hides nothing."""
+    handles, _ = axes.get_legend_handles_labels()
+    if handles:
+        axes.legend(fontsize=_FONT_PT - 2, loc="upper center", bbox_to_anchor=(0.5, -0.17), ncols=2, frameon=False)
+
+
+def show_picture(axes: Axes, image: Image, extent_px: tuple[float, float, float, float] | None = None) -> None:
+    """A picture with its pixels as axes. extent_px: left, right, bottom and top, where it is a part of a larger one."""
+    height, width = image.shape[:2]
+    extent = extent_px or (-0.5, width - 0.5, height - 0.5, -0.5)
+    axes.imshow(image, cmap="gray", vmin=0, vmax=255, extent=extent, interpolation="antialiased")
+    axes.grid(False)
+    label(axes, "x, px", "y, px")
+
+
+def picture_height_in(width: float, height: float) -> float:
+    """Of a panel that shows a picture of this size, with its labels."""
+    return min(8.0, (WIDTH_IN - 0.8) * height / width + 0.7)
+
+
+def gray_of(frame: Frame) -> Gray:
+    """(h, w) uint8."""
+    return to_gray(frame, depth_scale(frame))
+
+
+def stream_color(index: int, count: int) -> str:
+    """The stabilised stream is always of one colour, whether the raw one is there or not."""
+    return _STREAM_COLORS[(index + 1 if count == 1 else index) % len(_STREAM_COLORS)]
+
+
+def drawn(figure: Figure, title: str, caption: str, alt: str, photo: bool = False) -> Panel:
+    """The panel of a finished figure; a `photo` is stored as JPEG, which is a tenth of the size."""
+    kind, options = ("jpeg", {"quality": _JPEG_QUALITY}) if photo else ("png", {})
+    with io.BytesIO() as file:
+        figure.savefig(file, format=kind, pil_kwargs=options)
+        return Panel(title, caption, alt, data_uri(f"image/{kind}", file.getvalue()))
+
+
+def data_uri(mime: str, content: bytes) -> str:
+    """Content that is part of the page."""
+    return f"data:{mime};base64,{base64.b64encode(content).decode('ascii')}"
