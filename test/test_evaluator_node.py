@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from live_graph import Graph, NodeProcess, image_message, stamp_ns, values_of
+from live_graph import Graph, NodeProcess, stamp_ns, values_of
+from live_stream import Stream, name_of, still
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from recordings import RECORDERS
-from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Float64
 
 from stab_ros.core.frame_metrics import POINT_METRICS, UNITS
@@ -38,13 +38,6 @@ def shots() -> list[Shot]:
 def ground(shots: list[Shot]) -> Gray:
     """A picture with room around it, of which `still` cuts one out."""
     return np.asarray(np.pad(shots[0].image, 8, mode="reflect"))
-
-
-def still(ground: Gray, number: int, shift_px: int = 0) -> Gray:
-    """What a perfect tracker makes of a flight: the same place, noise of its own, and perhaps a jump to the right."""
-    height, width = ground.shape
-    noise = np.random.default_rng(number).normal(0.0, 1.0, (height - 16, width - 16))
-    return np.clip(ground[8:-8, 8 - shift_px : width - 8 - shift_px] + noise, 0, 255).astype(np.uint8)
 
 
 def offline(bag: Path) -> TopicEvaluation:
@@ -87,43 +80,11 @@ def test_live_gives_what_the_command_gives(graph: Graph, shots: list[Shot], tmp_
     assert topic.series("rmse_reference_px")
 
 
-class Stream:
-    """What a tracker publishes, made by hand: frame after frame, 40 ms apart."""
-
-    def __init__(self, graph: Graph, ground: Gray, homographies: bool = True) -> None:
-        self.ground = ground
-        self.number = 0
-        self._images = graph.speak(Image, "/cam/image_stabilized")
-        self._homographies = graph.speak(CameraInfo, "/cam/homography") if homographies else None
-
-    def send(self, count: int = 1, shift_px: int = 0, lost: bool = False, picture: Gray | None = None) -> int:
-        """The number of the last frame."""
-        for _ in range(count):
-            image = image_message(still(self.ground, self.number, shift_px) if picture is None else picture,
-                                  10**9 + self.number * 40_000_000)
-            if self._homographies is not None:
-                self._homographies.publish(homography_message(image, lost))
-            if not lost:
-                self._images.publish(image)
-            self.number += 1
-        return self.number - 1
-
-
-def homography_message(image: Any, lost: bool = False) -> CameraInfo:
-    """The identity, or LOST."""
-    one = np.zeros((3, 4)) if lost else np.eye(3, 4)
-    return CameraInfo(header=image.header, k=one[:, :3].ravel(), r=one[:, :3].ravel(), p=one.ravel())
-
-
-def name_of(number: int) -> str:
-    return f"frame {number} ({1 + 0.04 * number:.3f} s)"
-
-
 def level_of(message: Any) -> tuple[bytes, str]:
     return message.status[0].level, message.status[0].message
 
 
-def evaluator_of(graph: Graph, **parameters: object) -> tuple[NodeProcess, list[Any], list[Any]]:
+def evaluator_of(graph: Graph, **parameters: Any) -> tuple[NodeProcess, list[Any], list[Any]]:
     """The node, and what it says on `~/metrics` and on /diagnostics."""
     heard = graph.listen(DiagnosticArray, METRICS), graph.listen(DiagnosticArray, "/diagnostics")
     return graph.start("evaluator_node", "/cam", **parameters), *heard
