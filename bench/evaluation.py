@@ -20,11 +20,15 @@ from stab_ros.core.frame_metrics import FrameMetrics
 from stab_ros.core.geometry import normalized
 from stab_ros.core.synthetic import Flight, preset
 from stab_ros.core.types import FloatArray, Frame, Gray, Homography
+from stab_ros.core.warp import warp
 from stab_ros.io.engine import make_stabilizer
+from stab_ros.metrics.velocity_field import mean_field
 
 PRESETS = ("kolubara", "alpine", "basento")
 RESIDUALS_PX = (0.05, 0.2, 0.5, 1.0, 2.0, 4.0)
 NOISE_LEVELS = {0.0: (0.15, 0.05), 2.0: (0.20, 0.10)}  # and what the displacement may be off: relative, or in px
+FLOORS = ("displacement_reference_px", "displacement_previous_px", "rmse_reference_px", "rmse_previous_px",
+          "shift_u_px", "shift_v_px")
 CAMERA_MS = 40.0  # 25 frames a second
 _DIRECTIONS = np.radians([10, 130, 250])
 
@@ -41,11 +45,15 @@ class _Displaced(Flight):
 
 def measure(effort: Effort) -> Section:
     """Recovery on every preset, with and without noise; time a frame at both sizes."""
-    tables, data = [], {}
+    tables: list[Table] = []
+    data: dict[str, object] = {}
     for name in PRESETS:
         found = {noise: _recovered(name, noise) for noise in NOISE_LEVELS}
         tables.append(_recovery_table(name, found))
         data[name] = {str(noise): {str(px): errors for px, errors in rows.items()} for noise, rows in found.items()}
+    floors = {name: _floor(name, effort.rendered) for name in PRESETS}
+    tables.append(_floor_table(floors))
+    data["floor"] = floors
     times = {f"{size[0]}x{size[1]}": _times_ms(size, effort.rendered) for size in (HD, UHD)}
     tables.append(_time_table(times))
     return Section("Evaluator", tables, data | {"ms": times})
@@ -101,6 +109,30 @@ def _cells(residual_px: float, noise: float, errors: Sequence[float]) -> tuple[s
     field_px = 0.05 if noise == 0 else None
     return (number(errors[0], 3), *verdict(errors[0], max(relative * residual_px, least_px)),
             number(errors[1], 3), *verdict(errors[1], field_px))
+
+
+def _floor(name: str, count: int) -> Mapping[str, float]:
+    """Medians of a flight that was brought back by its exact homographies: what the measures find where nothing is."""
+    evaluator, scene = Evaluator(EvaluatorConfig(rmse_every=5)), render(name, HD, count)
+    rows = [evaluator.step(_steady(index, frame, truth))
+            for index, (frame, truth) in enumerate(zip(scene.frames, scene.truth, strict=True))]
+    found = {measure: [value for row in rows if (value := row[measure]) is not None] for measure in FLOORS}
+    field = mean_field([row.field for row in rows if row.field is not None])
+    lengths = [region.magnitude_px for region in field.regions if region.vectors]
+    return {measure: float(np.median(values)) for measure, values in found.items()} | {
+        "svf_magnitude_px": max(lengths, default=float("nan"))}
+
+
+def _steady(index: int, frame: Frame, truth: Homography) -> Arrival:
+    steady = replace(frame, image=warp(frame.image, truth, frame.size, "linear", None))
+    return Arrival(index, frame.stamp_ns, truth, False, steady)
+
+
+def _floor_table(floors: Mapping[str, Mapping[str, float]]) -> Table:
+    names = next(iter(floors.values()))
+    rows = [(name, *(number(found[name], 3) for found in floors.values())) for name in names]
+    return Table("What the measures find where nothing moves: medians, of the field's regions the largest",
+                 ("brought back by exact homographies, px", *floors), rows)
 
 
 def _times_ms(size: tuple[int, int], count: int) -> Mapping[str, float]:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
+
+from matplotlib.axes import Axes
 
 from stab_ros.io.evaluation import TopicEvaluation
 from stab_ros.metrics.statistics import Summary, summarize
@@ -14,6 +17,18 @@ _KINDS = (
     ("displacement_previous_px", "the previous frame", PREVIOUS_COLOR),
 )
 _MOVING_COLOR = "#a0a0a0"
+_UPRIGHT = 7  # boxes whose names fit beside each other
+_NAMED = 26  # boxes that can be named one by one
+_DWARFED = 3.0  # times as high as what counts: from there on what moves on its own may leave the figure
+
+
+@dataclass(frozen=True)
+class _Box:
+    """counts: it is, or is in, the means."""
+
+    name: str
+    summary: Summary
+    counts: bool
 
 
 def box_panels(topics: Sequence[TopicEvaluation]) -> list[Panel]:
@@ -23,34 +38,62 @@ def box_panels(topics: Sequence[TopicEvaluation]) -> list[Panel]:
 
 def _panel(topic: TopicEvaluation, name: str, against: str, color: str) -> Panel:
     title = f"{topic.topic}: displacement against {against}"
-    boxes = list(_boxes(topic, name, color))
+    boxes = list(_boxes(topic, name))
     if not boxes:
         return Panel(title, "No frame could be measured at a verification point, so there is nothing to draw.")
     figure, axes = new_axes()
-    for position, (_, summary, shade) in enumerate(boxes):
-        axes.bxp([_stats(summary)], positions=[position], widths=0.6, patch_artist=True, manage_ticks=False,
-                 boxprops={"facecolor": shade, "alpha": 0.75}, medianprops={"color": "black"},
-                 flierprops={"marker": ".", "markersize": 3, "markeredgecolor": shade})
-    axes.set_xticks(range(len(boxes)), [text for text, _, _ in boxes], rotation=60 if len(boxes) > 7 else 0)
-    axes.set_ylim(bottom=0)
+    for position, box in enumerate(boxes):
+        _draw(axes, position, box, color)
+    _name_boxes(axes, boxes)
+    cut = _cut_axis(axes, boxes)
     label(axes, "verification point", "displacement, px")
-    moving = " Grey: moves on its own, left out of the means." if not topic.static.all() else ""
+    moving = "" if all(box.counts for box in boxes) else " Grey: moves on its own, left out of the means."
+    beyond = " Grey numbers: medians in px that lie above the figure." if cut else ""
     return drawn(figure, title, "Box: quartiles and median; whiskers: to the outermost value within 1.5 interquartile "
-                 f"ranges; dots: outliers. “mean”: of the static points, frame by frame.{moving}",
+                 f"ranges; dots: outliers. “mean”: of the static points, frame by frame.{moving}{beyond}",
                  f"Box plots of the displacement in pixels against {against}, one for each verification point.")
 
 
-def _boxes(topic: TopicEvaluation, name: str, color: str) -> Iterator[tuple[str, Summary, str]]:
-    """Label, statistics and colour."""
+def _boxes(topic: TopicEvaluation, name: str) -> Iterator[_Box]:
     overall = topic.summary(name)
     if overall is not None:
-        yield "mean", overall, color
+        yield _Box("mean", overall, True)
     for index, point in enumerate(topic.points):
         summary = summarize(topic.point_series(name, index))
         if summary is not None:
-            yield point.name, summary, color if topic.static[index] else _MOVING_COLOR
+            yield _Box(point.name, summary, bool(topic.static[index]))
 
 
-def _stats(summary: Summary) -> dict[str, Any]:
-    return {"med": summary.median, "q1": summary.q1, "q3": summary.q3, "whislo": summary.whisker_low,
-            "whishi": summary.whisker_high, "fliers": list(summary.outliers)}
+def _draw(axes: Axes, position: int, box: _Box, color: str) -> None:
+    summary = box.summary
+    shade, line = (color, {"color": "black"}) if box.counts else (_MOVING_COLOR, {"color": _MOVING_COLOR})
+    stats: dict[str, Any] = {
+        "med": summary.median, "q1": summary.q1, "q3": summary.q3, "whislo": summary.whisker_low,
+        "whishi": summary.whisker_high, "fliers": list(summary.outliers)}
+    axes.bxp([stats], positions=[position], widths=0.6, patch_artist=True, manage_ticks=False,
+             boxprops={"facecolor": shade, "alpha": 0.75}, medianprops={"color": "black"},
+             whiskerprops=line, capprops=line, flierprops={"marker": ".", "markersize": 3, "markeredgecolor": shade})
+
+
+def _name_boxes(axes: Axes, boxes: Sequence[_Box]) -> None:
+    """Every one, or as many as there is room for."""
+    every = -(-len(boxes) // _NAMED)
+    axes.set_xticks(range(0, len(boxes), every), [box.name for box in boxes[::every]],
+                    rotation=0 if len(boxes) <= _UPRIGHT else 90)
+    axes.set_xlim(-0.6, len(boxes) - 0.4)
+
+
+def _cut_axis(axes: Axes, boxes: Sequence[_Box]) -> bool:
+    """Ends the axis above what counts, so that it can be read beside what moves; whether medians lie beyond."""
+    axes.set_ylim(bottom=0)
+    highest, counted = (max((box.summary.max for box in some), default=0.0)
+                        for some in (boxes, [box for box in boxes if box.counts]))
+    if not 0 < _DWARFED * counted < highest:
+        return False
+    axes.set_ylim(top=1.25 * counted)
+    above = [(at, box.summary.median) for at, box in enumerate(boxes) if box.summary.median > 1.25 * counted]
+    for at, median_px in above:
+        axes.annotate(f"↑ {median_px:.3g}", (at, 1.0), xycoords=("data", "axes fraction"), xytext=(0, -3), rotation=90,
+                      textcoords="offset points", ha="center", va="top", fontsize=9, color="#606060",
+                      bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8})
+    return bool(above)

@@ -9,9 +9,11 @@ import numpy as np
 
 from stab_ros.io.evaluation import TopicEvaluation
 from stab_ros.metrics.calibration import FIT_TO_PX
+from stab_ros.report.numbers import shown
 from stab_ros.report.panel import Panel, drawn, label, legend, new_axes
 
 _COLORS = "tab20"
+_NAMED = 24  # points, more of which leave no room for the axes beside their legend
 
 
 def calibration_panels(topics: Sequence[TopicEvaluation]) -> list[Panel]:
@@ -24,7 +26,8 @@ def _panel(topic: TopicEvaluation) -> Panel:
     title = f"{topic.topic}: displacement by RMSD"
     if not topic.points:
         return Panel(title, "There is no verification point, so nothing was calibrated.")
-    figure, axes = new_axes(5.4)
+    named = len(topic.points) <= _NAMED
+    figure, axes = new_axes(3.6 + (0.11 * len(topic.points) if named else 0.0))
     colors = matplotlib.colormaps[_COLORS](np.arange(len(topic.points)) % 20)
     for point, color in zip(topic.points, colors, strict=True):
         fit, curve = point.calibration, point.curve
@@ -32,14 +35,15 @@ def _panel(topic: TopicEvaluation) -> Panel:
         rmsd = np.linspace(0, curve.rmsd.max(), 200)
         within = fit.a * rmsd**2 + fit.b * rmsd <= fit.range_px
         axes.plot(rmsd[within], fit.displacement_px(rmsd[within]), color=color, linewidth=1.3,
-                  label=f"{point.name}: R² {fit.r2:.3f}")
+                  label=f"{point.name}: R² {shown(fit.r2)}")
         axes.plot(fit.range_rmsd, fit.range_px, "_", color=color, markersize=12, markeredgewidth=2)
     axes.axhline(FIT_TO_PX, color="#888888", linewidth=0.8, linestyle="--")
     axes.set_xlim(left=0)
     axes.set_ylim(bottom=0)
     label(axes, "RMSD, grey levels", "displacement, px")
-    legend(axes)
+    if named:
+        legend(axes, columns=2)
     return drawn(figure, title, "Dots: the RMSD that the reference has against itself, shifted by known amounts, mean "
                  f"over eight directions. Lines: d = a RMSD² + b RMSD, fitted up to {FIT_TO_PX:g} px (dashed). Bars: "
-                 "the range; further than this a displacement cannot be told.",
+                 "the range; further than this a displacement cannot be told. The table has a, b and R² of each point.",
                  "Displacement in pixels over RMSD in grey levels: measured points and fitted polynomials.")

@@ -7,16 +7,20 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+from matplotlib.patheffects import withStroke
 
 from stab_ros.core.types import FloatArray
 from stab_ros.io.evaluation import TopicEvaluation
 from stab_ros.metrics.velocity_field import Field
+from stab_ros.metrics.verification import VerificationPoint
 from stab_ros.report.panel import Panel, drawn, gray_of, new_axes, picture_height_in, show_picture
 
 _VECTOR_COLOR, _REGION_COLOR = "#ffd23f", "#ff3b30"
 _STATIC_COLOR, _MOVING_COLOR = "#35e06b", "#ff3b30"
 _LONGEST = 0.09  # of the picture's width, that the longest of the vectors shall have
 _KEYS = (1.0, 2.0, 5.0)
+_NAME_SHARE = 0.15  # of the width, that a name may take
 
 
 def field_panels(topics: Sequence[TopicEvaluation]) -> list[Panel]:
@@ -69,7 +73,8 @@ def _round_length(length_px: float) -> float:
 
 def point_panels(topics: Sequence[TopicEvaluation]) -> list[Panel]:
     """Where the verification points are; once where all streams have the same."""
-    shown = {tuple((point.x_px, point.y_px) for point in topic.points): topic for topic in topics}
+    shown = {tuple((point.x_px, point.y_px, static) for point, static in zip(topic.points, topic.static, strict=True)):
+             topic for topic in topics}
     return [_point_panel(topic) for topic in shown.values()]
 
 
@@ -81,11 +86,19 @@ def _point_panel(topic: TopicEvaluation) -> Panel:
     figure, axes = new_axes(picture_height_in(width, height))
     show_picture(axes, gray_of(topic.reference) * 0.7)
     for point, static in zip(topic.points, topic.static, strict=True):
-        half, color = point.calibration.window_px / 2, _STATIC_COLOR if static else _MOVING_COLOR
-        left, right, top, bottom = point.x_px - half, point.x_px + half, point.y_px - half, point.y_px + half
-        axes.plot([left, right, right, left, left], [top, top, bottom, bottom, top], color=color, linewidth=1.2)
-        axes.annotate(point.name, (right, point.y_px), xytext=(3, 0), textcoords="offset points", va="center",
-                      color=color, fontsize=10, fontweight="bold")
-    return drawn(figure, title, "The windows that RMSD is measured in, on the reference. Green: static; red: moves on "
-                 "its own, left out of the means.",
+        _mark_point(axes, point, bool(static), width)
+    return drawn(figure, title, "The windows that RMSD is measured in, on the reference. Green: static; red, dotted: "
+                 "moves on its own, left out of the means.",
                  f"The reference picture with the windows of {len(topic.points)} verification points.", photo=True)
+
+
+def _mark_point(axes: Axes, point: VerificationPoint, static: bool, width: int) -> None:
+    """Its window, and its name on the side where there is room."""
+    side, color = point.calibration.window_px, _STATIC_COLOR if static else _MOVING_COLOR
+    left, top = point.x_px - side / 2, point.y_px - side / 2
+    axes.add_patch(Rectangle((left, top), side, side, fill=False, edgecolor=color, linewidth=1.4,
+                             linestyle="-" if static else ":"))
+    at_right = left + side < (1 - _NAME_SHARE) * width
+    axes.annotate(point.name, (left + side if at_right else left, point.y_px), xytext=(3 if at_right else -3, 0),
+                  textcoords="offset points", va="center", ha="left" if at_right else "right", color=color, fontsize=11,
+                  fontweight="bold", path_effects=[withStroke(linewidth=2.5, foreground="black")])

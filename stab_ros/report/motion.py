@@ -30,12 +30,13 @@ def _path_panel(topic: TopicEvaluation) -> Panel:
     stamps_ns = np.array([row.stamp_ns for row in after_reference(topic)])[known]
     seconds = (stamps_ns - topic.rows[0].stamp_ns) / 1e9
     dots = axes.scatter(u[known], v[known], c=seconds, cmap="viridis", s=14, zorder=3)
-    figure.colorbar(dots, ax=axes).set_label("time since the first frame, s", fontsize=11)
+    figure.colorbar(dots, ax=axes, shrink=0.8).set_label("time since the first frame, s", fontsize=11)
     axes.plot(0, 0, "+", color="black", markersize=12, markeredgewidth=1.5)
     half = max(_LEAST_HALF_PX, 1.1 * float(np.max(np.abs([u[known], v[known]]))))
     axes.set_xlim(-half, half)
     axes.set_ylim(half, -half)
     axes.set_aspect("equal")
+    axes.locator_params(nbins=5)
     label(axes, "shift u to the right, px", "shift v downwards, px")
     return drawn(figure, title, "Where each frame lies against the reference (cross), as the median over the static "
                  "points.", "The shift of every frame in pixels, to the right and downwards, coloured by time.")
@@ -44,7 +45,7 @@ def _path_panel(topic: TopicEvaluation) -> Panel:
 def spectrum_panels(topics: Sequence[TopicEvaluation]) -> list[Panel]:
     """All streams in one."""
     title = "Spectrum of the residual motion"
-    figure, axes = new_axes(4.3)
+    figure, axes = new_axes(3.7 + 0.2 * len(topics))
     found = False
     for index, topic in enumerate(topics):
         if not topic.fps > 0:

@@ -37,4 +37,4 @@ def shown(value: Any) -> str:
         return str(escape(value))
     if isinstance(value, int) or float(value).is_integer():
         return str(int(value))
-    return f"{value:.3f}" if abs(value) >= 0.001 else f"{value:.2g}"
+    return f"{value:.3f}" if abs(value) >= 0.01 else f"{value:.2g}"

@@ -3,79 +3,105 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from markupsafe import Markup
 from matplotlib.patches import Rectangle
 
 from stab_ros.core.findings import frame_name
 from stab_ros.core.frame_metrics import FrameMetrics
 from stab_ros.core.types import Gray, Image
 from stab_ros.io.evaluation import TopicEvaluation
-from stab_ros.report.numbers import shown
+from stab_ros.report.numbers import Numbers
 from stab_ros.report.panel import Panel, drawn, gray_of, new_axes, picture_height_in, show_picture
 from stab_ros.report.pictures import Pictures
-from stab_ros.report.worst import worst_frames
+from stab_ros.report.sampling import worst_frames
 
-_CROP_PX = 160
+_CROP_PX = 240
 _SHOWN_PX = 760  # width of the picture in a panel
 _SMOOTH_PX = 1.2
 _EDGE_SHARE = 90.0  # percentile of the gradient that an edge exceeds, and its weak continuation
 _WEAK = 0.4
 _BACKGROUND = 0.3  # how bright the picture is behind its edges
+_COLORS = "Edges of the reference red, of the frame cyan, white where they agree."
+_TOLD = (("displacement_reference_px", "Displaced by {} px"), ("rmse_reference_px", "RMSE {} px"),
+         ("rmsd_reference", "RMSD {} grey levels"))
 
 
-def overlay_panels(topics: Sequence[TopicEvaluation], pictures: Pictures) -> list[Panel]:
+@dataclass(frozen=True, eq=False)
+class _Pair:
+    """A frame beside the reference, (h, w) uint8 each. x, y: the middle of the part that is shown, and what it is."""
+
+    title: str
+    reference: Gray
+    current: Gray
+    x_px: int
+    y_px: int
+    place: str
+
+    @property
+    def box(self) -> tuple[int, int, int]:
+        """Left, top and side of the part, px, inside the picture."""
+        height, width = self.reference.shape
+        side = min(_CROP_PX, height, width)
+        return (min(max(self.x_px - side // 2, 0), width - side), min(max(self.y_px - side // 2, 0), height - side),
+                side)
+
+
+def overlay_panels(topics: Sequence[TopicEvaluation], pictures: Pictures, numbers: Numbers) -> list[Panel]:
     """For each of the worst frames two: the whole picture, and a part of it pixel by pixel."""
-    return [panel for topic in topics for panel in _of_topic(topic, pictures)]
+    return [panel for topic in topics for panel in _of_topic(topic, pictures, numbers)]
 
 
-def _of_topic(topic: TopicEvaluation, pictures: Pictures) -> Iterator[Panel]:
-    rows = [row for row in worst_frames(topic) if (topic.topic, row.stamp_ns) in pictures.whole]
+def _of_topic(topic: TopicEvaluation, pictures: Pictures, numbers: Numbers) -> Iterator[Panel]:
+    rows = [index for index in worst_frames(topic) if (topic.topic, topic.rows[index].stamp_ns) in pictures.whole]
     if not rows:
-        yield Panel(f"{topic.topic}: worst frames", "No frame was measured against the reference.")
-    reference = gray_of(topic.reference)
-    for row in rows:
-        current = pictures.whole[topic.topic, row.stamp_ns]
-        yield from _of_frame(topic, row, reference, current)
+        yield Panel(f"{topic.topic}: worst frames", "No frame was measured against the reference, so there is nothing "
+                    "to draw.")
+    for index in rows:
+        row = topic.rows[index]
+        pair = _Pair(f"{topic.topic}: {frame_name(row)}", gray_of(topic.reference),
+                     pictures.whole[topic.topic, row.stamp_ns], *_worst_place(topic, row))
+        yield _whole(pair, _told(topic, index, numbers))
+        yield _part(pair)
 
 
-def _of_frame(topic: TopicEvaluation, row: FrameMetrics, reference: Gray, current: Gray) -> Iterator[Panel]:
-    name, (left, top) = frame_name(row), _corner(topic, row, reference)
-    side = min(_CROP_PX, *reference.shape)
-    cut = np.s_[top : top + side, left : left + side]
-    height, width = reference.shape
-    figure, axes = new_axes(picture_height_in(width, height))
-    small = (_SHOWN_PX, round(height * _SHOWN_PX / width))
-    whole = overlaid(*(cv2.resize(gray, small, interpolation=cv2.INTER_AREA) for gray in (reference, current)))
-    show_picture(axes, whole, (-0.5, width - 0.5, height - 0.5, -0.5))
-    axes.add_patch(Rectangle((left, top), side, side, fill=False, edgecolor="#ffd23f", linewidth=1.5))
-    colors = "Edges of the reference red, of the frame cyan, white where they agree."
-    alt = f"Edges of the reference in red and of {name} in cyan"
-    yield drawn(figure, f"{topic.topic}: {name}", f"{_numbers(row)}. {colors} Yellow: the part beside it.", f"{alt}.",
-                photo=True)
-    figure, axes = new_axes(picture_height_in(1, 1) * 0.8)
-    extent = left - 0.5, left + side - 0.5, top + side - 0.5, top - 0.5
-    show_picture(axes, overlaid(reference, current)[cut], extent)
-    yield drawn(figure, f"{topic.topic}: part of {name}",
-                f"About the verification point that is displaced most. {colors}", f"{alt}, pixel by pixel.", photo=True)
+def _told(topic: TopicEvaluation, index: int, numbers: Numbers) -> Markup:
+    """What was measured of this frame."""
+    return Markup(", ").join(Markup(text).format(numbers("topics", topic.topic, "per_frame", index, name))
+                             for name, text in _TOLD if topic.rows[index][name] is not None)
 
 
-def _numbers(row: FrameMetrics) -> str:
-    told = (("displacement_reference_px", "displaced by {} px"), ("rmse_reference_px", "RMSE {} px"),
-            ("rmsd_reference", "RMSD {} grey levels"))
-    return ", ".join(text.format(shown(row[name])) for name, text in told if row[name] is not None)
-
-
-def _corner(topic: TopicEvaluation, row: FrameMetrics, reference: Gray) -> tuple[int, int]:
-    """Left and top of the part that is shown: about the static point that is displaced most, else the middle."""
-    side, (height, width) = min(_CROP_PX, *reference.shape), reference.shape
-    x, y = width // 2, height // 2
+def _worst_place(topic: TopicEvaluation, row: FrameMetrics) -> tuple[int, int, str]:
+    """The static point that is displaced most, else the middle of the picture."""
     displaced = np.where(topic.static, row.points["displacement_reference_px"], np.nan)
-    if np.isfinite(displaced).any():
-        point = topic.points[int(np.nanargmax(displaced))]
-        x, y = point.x_px, point.y_px
-    return min(max(x - side // 2, 0), width - side), min(max(y - side // 2, 0), height - side)
+    if not np.isfinite(displaced).any():
+        return topic.reference.size[0] // 2, topic.reference.size[1] // 2, "The middle of the picture"
+    point = topic.points[int(np.nanargmax(displaced))]
+    return point.x_px, point.y_px, f"About {point.name}, the verification point that is displaced most"
+
+
+def _whole(pair: _Pair, told: Markup) -> Panel:
+    height, width = pair.reference.shape
+    left, top, side = pair.box
+    small = (_SHOWN_PX, round(height * _SHOWN_PX / width))
+    figure, axes = new_axes(picture_height_in(width, height))
+    both = (cv2.resize(gray, small, interpolation=cv2.INTER_AREA) for gray in (pair.reference, pair.current))
+    show_picture(axes, overlaid(*both), (-0.5, width - 0.5, height - 0.5, -0.5))
+    axes.add_patch(Rectangle((left, top), side, side, fill=False, edgecolor="#ffd23f", linewidth=1.5))
+    return drawn(figure, pair.title, Markup("{}. {} Yellow: the part in the next figure.").format(told, _COLORS),
+                 f"{pair.title}: edges of the reference in red, of the frame in cyan.", photo=True)
+
+
+def _part(pair: _Pair) -> Panel:
+    left, top, side = pair.box
+    figure, axes = new_axes(picture_height_in(1, 1))
+    image = overlaid(pair.reference, pair.current)[top : top + side, left : left + side]
+    show_picture(axes, image, (left - 0.5, left + side - 0.5, top + side - 0.5, top - 0.5))
+    return drawn(figure, f"{pair.title}, part", f"{pair.place}, at full resolution. {_COLORS}",
+                 f"{pair.title}: a part of the edges, pixel by pixel.", photo=True)
 
 
 def overlaid(reference: Gray, current: Gray) -> Image:

@@ -12,7 +12,9 @@ import jinja2
 from markupsafe import Markup
 
 from stab_ros import __version__
+from stab_ros.core.config import settings_of
 from stab_ros.core.errors import WorkError
+from stab_ros.core.evaluation import EvaluatorConfig
 from stab_ros.core.frame_metrics import UNITS
 from stab_ros.io.evaluation import Evaluation, EvaluationJob, Progress
 from stab_ros.io.evaluation_files import Json, as_json
@@ -27,6 +29,7 @@ from stab_ros.report.panel import Section
 from stab_ros.report.pictures import Pictures, read_pictures
 from stab_ros.report.scrub import scrub_of
 from stab_ros.report.series import series_panels
+from stab_ros.report.verdict import brightest_frame, compared, extreme_frame
 
 _NAME = "index.html"
 
@@ -50,24 +53,31 @@ def write_report(evaluation: Evaluation, job: EvaluationJob, folder: Path, progr
 
 def _page(evaluation: Evaluation, pictures: Pictures) -> str:
     tree, scrub = as_json(evaluation), scrub_of(evaluation, pictures)
+    numbers = Numbers(tree)
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
                                      lstrip_blocks=True, loader=jinja2.FunctionLoader(_own_file))
     return environment.get_template("template.html").render(
-        n=Numbers(tree), json=tree, data=_embedded(tree), units=UNITS, version=__version__,
+        n=numbers, json=tree, data=_embedded(tree), units=UNITS, version=__version__, meanings=_meanings(),
+        compared=compared(tree), extreme_frame=extreme_frame, brightest_frame=brightest_frame,
         style=Markup(_own_file("style.css")), script=Markup(_own_file("scrub.js")),
-        sections=list(_sections(evaluation, pictures)), scrub=scrub,
+        sections=list(_sections(evaluation, pictures, numbers)), scrub=scrub,
         scrub_data=_embedded({"labels": scrub.labels, "streams": [uris for _, uris in scrub.streams]}))
 
 
-def _sections(evaluation: Evaluation, pictures: Pictures) -> Iterator[Section]:
+def _sections(evaluation: Evaluation, pictures: Pictures, numbers: Numbers) -> Iterator[Section]:
     """The figures in the order of the page."""
     topics = evaluation.topics
     yield Section("boxes", "Displacement at the verification points", box_panels(topics))
     yield Section("series", "Over time", series_panels(topics))
     yield Section("field", "Residual velocity field", field_panels(topics))
     yield Section("motion", "Drift and jitter", [*path_panels(topics), *spectrum_panels(topics)])
-    yield Section("worst", "Worst frames", overlay_panels(topics, pictures))
+    yield Section("worst", "Worst frames", overlay_panels(topics, pictures, numbers))
     yield Section("calibration", "From RMSD to displacement", [*calibration_panels(topics), *point_panels(topics)])
+
+
+def _meanings() -> dict[str, str]:
+    """What every setting means, by its name."""
+    return {name: limits.doc for name, _, limits in settings_of(EvaluatorConfig)}
 
 
 def _embedded(tree: Json) -> Markup:

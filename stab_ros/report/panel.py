@@ -13,17 +13,17 @@ from matplotlib.figure import Figure
 from stab_ros.core.gray import depth_scale, to_gray
 from stab_ros.core.types import Frame, Gray, Image
 
-WIDTH_IN, _DPI = 6.0, 140  # so that letters of 11 points are legible on a phone
+WIDTH_IN, _DPI = 5.2, 150  # so that letters of 11 points are legible on a phone
 REFERENCE_COLOR, PREVIOUS_COLOR, LOST_COLOR = "#1f5f99", "#e08214", "#c0392b"
 _STREAM_COLORS = ("#b2601a", "#1f6fb2", "#3b8a4d", "#8a4d9e")  # raw first, as in the tables
 _FONT_PT = 11
-_JPEG_QUALITY = 82
-Size = tuple[float, float]  # width and height, inches
+_JPEG_QUALITY = 75
+_LONGEST_NAME = 44  # letters of a legend that fit beside its line
 
 
 @dataclass(frozen=True)
 class Panel:
-    """uri: the picture as a data URI; None: there is nothing to draw, and the caption says why."""
+    """uri: the picture as a data URI; None: there is nothing to draw, and the caption (text or Markup) says why."""
 
     title: str
     caption: str
@@ -56,11 +56,18 @@ def label(axes: Axes, x: str, y: str) -> None:
     axes.set_ylabel(y, fontsize=_FONT_PT)
 
 
-def legend(axes: Axes) -> None:
+def legend(axes: Axes, columns: int = 1) -> None:
     """Below the axes, where it hides nothing."""
-    handles, _ = axes.get_legend_handles_labels()
-    if handles:
-        axes.legend(fontsize=_FONT_PT - 2, loc="upper center", bbox_to_anchor=(0.5, -0.17), ncols=2, frameon=False)
+    handles, names = axes.get_legend_handles_labels()
+    if not handles:
+        return
+    axes.legend(handles, list(map(shortened, names)), fontsize=_FONT_PT - 1, loc="upper center", frameon=False,
+                bbox_to_anchor=(0.5, -0.17), ncols=columns, handlelength=1.6, labelspacing=0.3)
+
+
+def shortened(name: str) -> str:
+    """The end of a long topic's name, which tells it from others."""
+    return name if len(name) <= _LONGEST_NAME else "…" + name[1 - _LONGEST_NAME:]
 
 
 def show_picture(axes: Axes, image: Image, extent_px: tuple[float, float, float, float] | None = None) -> None:

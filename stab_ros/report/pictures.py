@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import cv2
-import numpy as np
 
-from stab_ros.core.gray import depth_scale
+from stab_ros.core.gray import depth_scale, to_gray
 from stab_ros.core.types import Frame, Gray, Image
 from stab_ros.io.evaluation import Evaluation, EvaluationJob, Progress, TopicEvaluation
 from stab_ros.io.evaluation_streams import open_streams
 from stab_ros.io.video_writer import to_bgr
-from stab_ros.report.panel import data_uri, gray_of
-from stab_ros.report.worst import worst_frames
+from stab_ros.report.panel import data_uri
+from stab_ros.report.sampling import leaves, partners, worst_frames
 
-_SCRUB_FRAMES, _SCRUB_PX = 24, 720
-_JPEG_QUALITY = 60
+_SCRUB_PX = 720
+_JPEG_QUALITY = 50
 Key = tuple[str, int]  # topic and stamp, ns
 
 
@@ -29,24 +27,18 @@ class Pictures:
     small: dict[Key, str] = field(default_factory=dict)
 
 
-def scrub_stamps_ns(topic: TopicEvaluation) -> Sequence[int]:
-    """At most 24 frames with a picture, evenly chosen, the first and the last among them."""
-    stamps = [row.stamp_ns for row in topic.rows if row.outcome.has_picture]
-    chosen = np.unique(np.linspace(0, len(stamps) - 1, min(_SCRUB_FRAMES, len(stamps))).round().astype(int))
-    return [stamps[index] for index in chosen]
-
-
 def read_pictures(evaluation: Evaluation, job: EvaluationJob, progress: Progress) -> Pictures:
     """Of every stream the worst frames, and of the last one those of the scrub, with the same of the others.
 
     Raises:
         InputError: the source cannot be read any more.
     """
-    pictures, scrub = Pictures(), set(scrub_stamps_ns(evaluation.topics[-1]))
+    pictures, leafed = Pictures(), leaves(evaluation.topics[-1])
     total, done = sum(len(topic.rows) for topic in evaluation.topics), 0
     with open_streams(job.source, job.image_topics, job.fps) as streams:
         for stream, topic in zip(streams, evaluation.topics, strict=True):
-            worst = {row.stamp_ns for row in worst_frames(topic)}
+            worst = {topic.rows[index].stamp_ns for index in worst_frames(topic)}
+            scrub = {row.stamp_ns for row in partners(topic, leafed) if row is not None}
             for picture in stream.source.frames(job.limit):
                 done += 1
                 progress(done, max(done, total))
@@ -56,13 +48,13 @@ def read_pictures(evaluation: Evaluation, job: EvaluationJob, progress: Progress
 
 
 def _keep(pictures: Pictures, topic: TopicEvaluation, frame: Frame, worst: set[int], scrub: set[int]) -> None:
-    key = topic.topic, frame.stamp_ns
+    key, scale = (topic.topic, frame.stamp_ns), depth_scale(topic.reference)
     if frame.size != topic.reference.size:
         return
     if frame.stamp_ns in worst:
-        pictures.whole[key] = gray_of(frame)
+        pictures.whole[key] = to_gray(frame, scale)
     if frame.stamp_ns in scrub:
-        pictures.small[key] = jpeg_uri(to_bgr(frame, depth_scale(topic.reference)))
+        pictures.small[key] = jpeg_uri(to_bgr(frame, scale))
 
 
 def jpeg_uri(image: Image) -> str:

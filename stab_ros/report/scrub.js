@@ -7,6 +7,7 @@
   function show() {
     const frame = Number(slider.value);
     label.value = labels[frame];
+    slider.setAttribute("aria-valuetext", labels[frame]);
     for (const image of images) {
       const uri = streams[Number(image.dataset.stream)][frame];
       image.style.visibility = uri ? "visible" : "hidden";

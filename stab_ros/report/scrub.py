@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from stab_ros.core.findings import frame_name
 from stab_ros.io.evaluation import Evaluation
-from stab_ros.report.pictures import Pictures, scrub_stamps_ns
+from stab_ros.report.pictures import Pictures
+from stab_ros.report.sampling import leaves, partners
 
 
 @dataclass(frozen=True)
@@ -19,10 +20,9 @@ class Scrub:
 
 
 def scrub_of(evaluation: Evaluation, pictures: Pictures) -> Scrub:
-    """The frames of the last stream, and those of the others with the same stamp."""
+    """The frames of the last stream that could be read, beside those of the others."""
     last = evaluation.topics[-1]
-    stamps = [stamp for stamp in scrub_stamps_ns(last) if (last.topic, stamp) in pictures.small]
-    names = {row.stamp_ns: frame_name(row) for row in last.rows}
-    streams = [(topic.topic, [pictures.small.get((topic.topic, stamp), "") for stamp in stamps])
-               for topic in evaluation.topics]
-    return Scrub([names[stamp] for stamp in stamps], [stream for stream in streams if any(stream[1])])
+    frames = [row for row in leaves(last) if (last.topic, row.stamp_ns) in pictures.small]
+    streams = [(topic.topic, [pictures.small.get((topic.topic, row.stamp_ns), "") if row else ""
+                              for row in partners(topic, frames)]) for topic in evaluation.topics]
+    return Scrub([frame_name(row) for row in frames], [stream for stream in streams if any(stream[1])])

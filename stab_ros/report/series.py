@@ -18,6 +18,7 @@ _MEASURES = (
 )
 _WIDE = 20.0  # ratio of the largest value to the median of another stream, from which the axis is logarithmic
 _SPARSE = 60  # values up to which each has its mark
+_LEGEND_IN = 0.42  # height of the two lines of a stream
 
 
 def series_panels(topics: Sequence[TopicEvaluation]) -> list[Panel]:
@@ -26,7 +27,7 @@ def series_panels(topics: Sequence[TopicEvaluation]) -> list[Panel]:
 
 
 def _panel(topics: Sequence[TopicEvaluation], short: str, title: str, unit: str, *names: str) -> Panel:
-    figure, axes = new_axes(4.3)
+    figure, axes = new_axes(3.5 + _LEGEND_IN * len(topics))
     drawn_any = False
     for index, topic in enumerate(topics):
         color = stream_color(index, len(topics))
