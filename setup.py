@@ -22,7 +22,7 @@ setup(
     maintainer="stab_ros maintainers",
     maintainer_email="maintainers@example.com",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "report/*.html", "report/*.css", "report/*.js"]},
+    package_data={NAME: ["py.typed", "report/*.html", "report/*.css", "report/*.js", "nodes/*.xml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (SHARE, ["package.xml"]),

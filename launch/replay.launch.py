@@ -30,6 +30,7 @@ def generate_launch_description() -> LaunchDescription:
         executable="evaluator_node",
         namespace=namespace,
         condition=IfCondition(evaluate),
+        parameters=[{"wait_for_subscribers": 1}],
         output="screen",
     )
     recorder = Node(

@@ -25,6 +25,7 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image as ImageMessage
 
 from stab_ros.core.types import Gray
+from stab_ros.nodes.transport import use_profile
 
 PATIENCE_S = 90.0  # until a condition must hold, on a machine that has other work to do
 _domains = itertools.count(os.getpid())
@@ -57,6 +58,7 @@ class Graph:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
+        use_profile()  # the observer publishes pictures too
         domain = 1 + next(_domains) % 100
         self.environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_LOG_DIR": str(folder)}
         self.context = Context()

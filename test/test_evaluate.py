@@ -88,6 +88,20 @@ def read_pairs(path: Path) -> Iterator[tuple[Frame, Homography | None]]:
             yield steady, homographies[steady.stamp_ns]
 
 
+def test_homographies_that_were_recorded_late_find_their_pictures(stabilized: Path, command: Command,
+                                                                  tmp_path: Path) -> None:
+    late = tmp_path / "late.mcap"
+    with open_bag(stabilized) as bag, BagWriter(late) as writer:
+        for delay_ns, topic, msgtype in ((0, STABILIZED, IMAGE), (10**10, "/cam/homography", CAMERA_INFO)):
+            writer.add_topic(topic_of(topic, msgtype))
+            for message in bag.messages({topic}):
+                writer.write(topic, message.log_time_ns + delay_ns, message.log_time_ns, message.data)
+    rows = [evaluated(command, path, "--image-topic", STABILIZED)[0]["topics"][STABILIZED]["per_frame"]
+            for path in (stabilized, late)]
+    assert rows[0] == rows[1]
+    assert len(rows[1]) == 10
+
+
 def test_statistics_are_those_of_the_frames(stabilized: Path, command: Command) -> None:
     found, _ = evaluated(command, stabilized)
     for topic in found["topics"].values():

@@ -50,7 +50,7 @@ def test_live_gives_what_the_command_gives(graph: Graph, shots: list[Shot], tmp_
     heard = graph.listen(DiagnosticArray, METRICS)
     plotted = {name: graph.listen(Float64, f"/cam/evaluator_node/{name}")
                for name in ("rmse_px", "rmsd", "displacement_px")}
-    evaluator = graph.start("evaluator_node", "/cam")
+    evaluator = graph.start("evaluator_node", "/cam", wait_for_subscribers=1)
     recorder = graph.start("bag_recorder_node", output=str(recorded),
                            topics=["/cam/homography", "/cam/image_stabilized"])
     tracker = graph.start("tracker_node", "/cam", queue_depth=0, wait_for_subscribers=2)

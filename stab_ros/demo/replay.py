@@ -46,8 +46,10 @@ def replay(recording: Path, output: Path, log: Path, frames: int, evaluator_valu
         tracker = stack.enter_context(_node("tracker_node", log, {
             "image_transport": "compressed", "queue_depth": 0, "wait_for_subscribers": 3,
         }, "__ns:=/camera", "~/track:=track"))
+        # recorder and `answers` must not miss a frame: the evaluator waits for both, and the tracker for all three
         evaluator = stack.enter_context(_node(
-            "evaluator_node", log, evaluator_values, "__ns:=/camera", "~/metrics:=metrics"))
+            "evaluator_node", log, {**evaluator_values, "wait_for_subscribers": 2}, "__ns:=/camera",
+            "~/metrics:=metrics"))
         answers = stack.enter_context(_Answers.subscribed())
         player = stack.enter_context(_node("bag_player_node", log, {"bag": str(recording), "wait_for_subscribers": 2}))
         answers.wait_for(frames, (recorder, tracker, evaluator, player))

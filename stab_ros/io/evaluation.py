@@ -26,6 +26,7 @@ from stab_ros.metrics.verification import VerificationPoint
 
 # called after every frame with how many are done, and of how many (None: the input does not say)
 Progress = Callable[[int, int | None], None]
+_WAITING_BYTES = 1 << 30  # of pictures whose homographies come later in the recording
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,7 @@ class _Work:
         self._stream = stream
         self._evaluator = evaluator
         self._counter = counter
-        self._pairing = Pairing(expect_homography=stream.homography is not None)
+        self._pairing = Pairing(stream.homography is not None, _WAITING_BYTES)
         self._rows: list[FrameMetrics] = []
         self._index = -1
         self._pictures = self._unused = self._unread = 0

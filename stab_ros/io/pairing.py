@@ -9,28 +9,41 @@ from dataclasses import dataclass
 from stab_ros.core.evaluation import Arrival
 from stab_ros.core.types import Frame, Homography
 
-_LOOK_AHEAD = 8  # a picture that is missing after so many later homographies will not come any more
-_REMEMBERED = 100  # frames given out whose other half may still come, as the held picture of a lost one
+_REMEMBERED = 100  # frames given out by one half whose other may still come, as the held picture of a lost one
 
 
 @dataclass(eq=False)
 class _Entry:
-    index: int
     ref_H_cur: Homography | None
     frame: Frame | None = None
     passed: bool = False  # a later picture has come, so this one's will not
 
 
 class Pairing:
-    """One stream. A LOST frame needs no picture; a picture whose homography never comes is given out without one."""
+    """One stream, each of the two topics in order by itself; how far one lags behind the other does not matter.
 
-    def __init__(self, expect_homography: bool) -> None:
+    A LOST frame needs no picture. What lacks its other half is given out without, once a later pair shows that it will
+    not come, or when more than `limit_bytes` of pictures wait.
+    """
+
+    def __init__(self, expect_homography: bool, limit_bytes: int) -> None:
         self.expect_homography = expect_homography
+        self._limit = limit_bytes
         self._entries: OrderedDict[int, _Entry] = OrderedDict()
         self._pictures: OrderedDict[int, Frame] = OrderedDict()
         self._answered: deque[int] = deque(maxlen=_REMEMBERED)
         self._unpaired: deque[int] = deque(maxlen=_REMEMBERED)
         self._count = 0
+
+    @property
+    def homographies_waiting(self) -> int:
+        """Those whose picture has not come yet, and what waits behind them."""
+        return len(self._entries)
+
+    @property
+    def pictures_waiting(self) -> int:
+        """Those whose homography has not come yet."""
+        return len(self._pictures)
 
     def homography(self, stamp_ns: int, ref_H_cur: Homography | None) -> list[Arrival]:
         """ref_H_cur: None if the frame was lost."""
@@ -39,53 +52,63 @@ class Pairing:
             return []
         if stamp_ns in self._answered:  # the recording starts again
             self._answered.clear()
-        self._entries[stamp_ns] = _Entry(self._next(), ref_H_cur)
-        frame = self._pictures.pop(stamp_ns, None)
-        if frame is not None:
-            self._attach(frame)
-        return list(self._ready(_LOOK_AHEAD))
+        self._entries[stamp_ns] = _Entry(ref_H_cur)
+        if stamp_ns in self._pictures:
+            return list(self._paired(stamp_ns))
+        return list(self._ready())
 
     def image(self, frame: Frame) -> list[Arrival]:
         """frame: a stabilised picture."""
-        if frame.stamp_ns in self._entries:
-            self._attach(frame)
-            return list(self._ready(_LOOK_AHEAD))
-        if not self.expect_homography:
+        stamp_ns, is_known = frame.stamp_ns, frame.stamp_ns in self._entries
+        if not (self.expect_homography or is_known):
             return [self._alone(frame)]
-        if frame.stamp_ns in self._answered:
+        if stamp_ns in self._answered and not is_known:
             return []
-        self._pictures[frame.stamp_ns] = frame
-        if len(self._pictures) <= _LOOK_AHEAD:
-            return []
-        return [self._alone(self._pictures.popitem(last=False)[1])]
+        self._pictures[stamp_ns] = frame
+        return list(self._paired(stamp_ns) if is_known else self._beyond_limit())
 
     def flush(self) -> list[Arrival]:
         """What is left when nothing more will come."""
-        left = [*self._ready(0), *map(self._alone, self._pictures.values())]
-        self._pictures.clear()
-        return left
+        for entry in self._entries.values():
+            entry.passed = True
+        return [*self._ready(), *map(self._alone, self._take_pictures(len(self._pictures)))]
 
-    def _next(self) -> int:
-        self._count += 1
-        return self._count - 1
+    def _paired(self, stamp_ns: int) -> Iterator[Arrival]:
+        """Both halves have come: what comes before this one in either topic is decided too."""
+        for earlier in self._take_pictures(list(self._pictures).index(stamp_ns)):
+            yield self._alone(earlier)
+        (frame,) = self._take_pictures(1)
+        for earlier_ns, entry in self._entries.items():
+            if earlier_ns == stamp_ns:
+                entry.frame = frame
+                break
+            entry.passed = True
+        yield from self._ready()
+
+    def _ready(self) -> Iterator[Arrival]:
+        """From the first homography on, all that need not wait."""
+        while self._entries:
+            stamp_ns, entry = next(iter(self._entries.items()))
+            lost = entry.ref_H_cur is None
+            if not (lost or entry.frame is not None or entry.passed):
+                return
+            del self._entries[stamp_ns]
+            if entry.frame is None:
+                self._answered.append(stamp_ns)
+            yield Arrival(self._next(), stamp_ns, entry.ref_H_cur, lost, entry.frame)
+
+    def _beyond_limit(self) -> Iterator[Arrival]:
+        while sum(frame.image.nbytes for frame in self._pictures.values()) > self._limit:
+            yield from map(self._alone, self._take_pictures(1))
+
+    def _take_pictures(self, count: int) -> list[Frame]:
+        """The first ones that wait."""
+        return [self._pictures.popitem(last=False)[1] for _ in range(count)]
 
     def _alone(self, frame: Frame) -> Arrival:
         self._unpaired.append(frame.stamp_ns)
         return Arrival(self._next(), frame.stamp_ns, None, False, frame)
 
-    def _attach(self, frame: Frame) -> None:
-        for stamp_ns, entry in self._entries.items():
-            if stamp_ns == frame.stamp_ns:
-                entry.frame = frame
-                return
-            entry.passed = True
-
-    def _ready(self, look_ahead: int) -> Iterator[Arrival]:
-        while self._entries:
-            stamp_ns, entry = next(iter(self._entries.items()))
-            lost = entry.ref_H_cur is None
-            if not (lost or entry.frame is not None or entry.passed or len(self._entries) > look_ahead):
-                return
-            del self._entries[stamp_ns]
-            self._answered.append(stamp_ns)
-            yield Arrival(entry.index, stamp_ns, entry.ref_H_cur, lost, entry.frame)
+    def _next(self) -> int:
+        self._count += 1
+        return self._count - 1

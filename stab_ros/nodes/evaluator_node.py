@@ -36,7 +36,8 @@ _WARN_EVERY_S = 5.0
 _TAKE_LIMIT_S = 1.0  # then a frame is measured even if messages keep coming
 _REFERENCE_LIMIT_NS = SECOND_NS  # a publisher of references that has none by then will not send it for this frame
 _DISCOVERY_NS = SECOND_NS // 5  # by then the publisher of references is known, if there is one
-_GAP_NS = SECOND_NS  # a picture that the next frame's homography overtook by so much will not come any more
+_PICTURE_LIMIT_NS = SECOND_NS  # a picture that the next frame's homography overtook by so much will not come any more
+_HOMOGRAPHY_LIMIT_NS = 4 * SECOND_NS  # what Fast DDS lost comes again after 3 s, unless a profile says otherwise
 _FIX = "let it offer RELIABLE or BEST_EFFORT, VOLATILE or TRANSIENT_LOCAL"
 
 
@@ -49,6 +50,7 @@ class EvaluatorSettings(Checked):
     stale_s: float = setting(1.0, "without an image for so long the stream counts as stopped, s", 0.05, 3600.0)
     backlog_mb: float = setting(256.0, "pictures that may wait to be measured, MB; more than half: RMSE and velocity "
                                 "field are skipped; all: the oldest frame is skipped", 0.1, 1e6)
+    wait_for_subscribers: int = setting(0, "take images only once so many subscribers match ~/metrics", 0, 1000)
 
 
 SETTINGS = params.table_of(EvaluatorSettings)
@@ -70,11 +72,11 @@ class EvaluatorNode(StabNode):
         self.evaluator: Evaluator = make_evaluator(values)
         self.status = EvaluatorStatus(*(round(seconds * SECOND_NS) for seconds in (
             self.settings.window_s, self.settings.alarm_s, self.settings.stale_s)))
-        self._backlog = Backlog(round(self.settings.backlog_mb * 1e6))
-        self._pairing = Pairing(expect_homography=False)
+        waiting_bytes = round(self.settings.backlog_mb * 1e6)
+        self._backlog, self._pairing = Backlog(waiting_bytes), Pairing(False, waiting_bytes)
         self._inputs: dict[str, AdaptiveSubscription] = {}
         self._received = 0
-        self._held = self._held_ns = 0  # homographies in a row that gave out no frame, and since when it is two
+        self._moved_ns = time.monotonic_ns()  # when the pairing last gave out a frame, or began to wait
         self._awaits_reference = True
         self._frame_id = ""
         self._told_level = 0
@@ -89,13 +91,15 @@ class EvaluatorNode(StabNode):
 
     def prepare(self) -> None:
         warm_up_evaluator(self.values)
+        self.every(1.0, self._report)
+        self.every(_LOOK_S, self._look)
+        self._look()
+
+    def _open_inputs(self) -> None:
         self._subscribe(_IMAGE, Image, self._on_image)
         self._subscribe(_REFERENCE, Image, self._on_reference, latest_latched)
         # the last one: a tracker that waits for a subscriber of it begins now
         self._subscribe(_HOMOGRAPHY, CameraInfo, self._on_homography)
-        self.every(1.0, self._report)
-        self.every(_LOOK_S, self._look)
-        self._look()
         self.get_logger().info(f"ready, taking images from {self._inputs[_IMAGE].topic}")
 
     def _subscribe(self, name: str, msg_class: Any, take: Callable[[bytes], None],
@@ -129,16 +133,13 @@ class EvaluatorNode(StabNode):
         frame = read_image(cdr, IMAGE)
         self._frame_id = frame.frame_id
         self.status.on_alive(time.monotonic_ns())
+        self._pairing.expect_homography = self.count_publishers(self._inputs[_HOMOGRAPHY].topic) > 0
         self._queue(self._pairing.image(frame))
 
     def _on_homography(self, cdr: bytes) -> None:
         stamp_ns, ref_H_cur = read_homography(cdr)
-        now_ns = time.monotonic_ns()
         if ref_H_cur is None:
-            self.status.on_alive(now_ns)
-        self._held += 1
-        if self._held == 2:
-            self._held_ns = now_ns
+            self.status.on_alive(time.monotonic_ns())
         self._queue(self._pairing.homography(stamp_ns, ref_H_cur))
 
     def _on_reference(self, cdr: bytes) -> None:
@@ -146,9 +147,10 @@ class EvaluatorNode(StabNode):
                                     at_once=self.evaluator.reference is None)
 
     def _queue(self, arrivals: list[Arrival]) -> None:
-        now_ns = time.monotonic_ns()
+        now_ns, waiting = time.monotonic_ns(), self._pairing
+        if arrivals or (waiting.homographies_waiting <= 2 and waiting.pictures_waiting <= 1):
+            self._moved_ns = now_ns
         for arrival in arrivals:
-            self._held = 0
             self.status.on_frame(arrival)
             for skipped in self._backlog.add(arrival, now_ns):
                 self.status.on_skipped(skipped, now_ns)
@@ -202,15 +204,28 @@ class EvaluatorNode(StabNode):
         self.values = values
 
     def _look(self) -> None:
-        """Follows the publishers, gives up waiting for pictures that were lost, and sees whether the stream stands."""
+        """Follows the publishers, gives up waiting for what was lost, and sees whether the stream stands."""
+        if not self._inputs and self.metrics.subscribers >= self.settings.wait_for_subscribers:
+            self._open_inputs()
         for one in self._inputs.values():
             one.refresh()
-        self._pairing.expect_homography = self._inputs[_HOMOGRAPHY].publishers > 0
-        if self._held >= 2 and time.monotonic_ns() - self._held_ns > _GAP_NS:
+        if self._waits_in_vain():
             self._queue(self._pairing.flush())
-        images = self._inputs[_IMAGE]
-        self.status.waiting_for = f"images on {images.topic}" + ("" if images.publishers else ", nobody publishes it")
+        self.status.waiting_for = self._awaited()
         self._alarm()
+
+    def _waits_in_vain(self) -> bool:
+        """Whether the other half of a frame should have come by now; a single one waits for a slow tracker's warp."""
+        waited_ns = time.monotonic_ns() - self._moved_ns
+        if self._pairing.pictures_waiting and waited_ns > _HOMOGRAPHY_LIMIT_NS:
+            return True
+        return self._pairing.homographies_waiting >= 2 and waited_ns > _PICTURE_LIMIT_NS
+
+    def _awaited(self) -> str:
+        if not self._inputs:
+            return f"{self.settings.wait_for_subscribers} subscribers of {self.metrics.topic}"
+        images = self._inputs[_IMAGE]
+        return f"images on {images.topic}" + ("" if images.publishers else ", nobody publishes it")
 
     def _alarm(self) -> None:
         """Reports at once when it has become worse."""

@@ -32,6 +32,11 @@ class Outlet:
         self._hung_subscribers = 0  # how many there were when we gave up on them
 
     @property
+    def topic(self) -> str:
+        """Its full name."""
+        return str(self._publisher.topic_name)
+
+    @property
     def subscribers(self) -> int:
         return int(self._publisher.get_subscription_count())
 
@@ -52,5 +57,5 @@ class Outlet:
             if time.monotonic() > deadline_s:
                 self._hung_subscribers = self.subscribers
                 self._node.get_logger().warning(
-                    f"{self._publisher.topic_name}: a subscriber acknowledges nothing, it will lose messages")
+                    f"{self.topic}: a subscriber acknowledges nothing, it will lose messages")
                 return

@@ -6,10 +6,8 @@ import ctypes
 import importlib
 import os
 import re
-import shutil
 import time
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -25,10 +23,10 @@ from rclpy.signals import SignalHandlerOptions
 from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.io.messages import diagnostics_cdr
 from stab_ros.nodes.stopping import StopRequest
+from stab_ros.nodes.transport import use_profile
 
 _STEP_S = 0.1  # how long a wait may last before the wish to stop is looked at
 _SETTLED_S = 0.2  # without a message for so long, the queues are empty
-_SHARED_MEMORY, _ENOUGH_BYTES = Path("/dev/shm"), 128 << 20
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # malloc.h
 
 
@@ -99,11 +97,13 @@ def run(make: Callable[[], StabNode], stop: StopRequest) -> int:
     """
     stop.defer()  # an exception in the middle of rclpy or of a destructor would be lost or leave a trace
     keep_freed_memory()
+    warning = use_profile()
     _init()
     try:
         node = make()
         node.stop = stop
-        _warn_of_little_shared_memory(node)
+        if warning:
+            node.get_logger().warning(warning)
         node.prepare()
         _spin(node, stop)
     finally:
@@ -119,13 +119,6 @@ def _spin(node: StabNode, stop: StopRequest) -> None:
     finally:
         executor.shutdown()
         node.destroy_node()
-
-
-def _warn_of_little_shared_memory(node: StabNode) -> None:
-    """Fast DDS passes large images through it, and loses them silently where they do not fit."""
-    if _SHARED_MEMORY.is_dir() and shutil.disk_usage(_SHARED_MEMORY).total < _ENOUGH_BYTES:
-        node.get_logger().warning(f"{_SHARED_MEMORY} is smaller than {_ENOUGH_BYTES >> 20} MiB, large images may be "
-                                  "lost; give the container more, as with docker run --shm-size=512m")
 
 
 def _init() -> None:
