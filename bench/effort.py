@@ -11,7 +11,7 @@ class Effort:
 
     timed: per-frame times, at 1080p and at 4K. peer_every: how often the slow peers take part in them. profiled: for
     the shares of a track. flight: error against truth. stream: memory, at 1080p and at 4K. video: of the real
-    recording (None: all of it), of which SIFT looks at every `sift_every`.
+    recording (None: all of it), of which SIFT looks at every `sift_every`. delivered: messages over DDS.
     """
 
     rendered: int
@@ -22,9 +22,10 @@ class Effort:
     stream: tuple[int, int]
     video: int | None
     sift_every: int
+    delivered: int
 
 
 FULL = Effort(rendered=40, timed=(240, 160), peer_every=16, profiled=60, flight=40, stream=(2000, 300), video=None,
-              sift_every=1)
+              sift_every=1, delivered=240)
 QUICK = Effort(rendered=8, timed=(24, 12), peer_every=12, profiled=12, flight=10, stream=(200, 20), video=12,
-               sift_every=4)
+               sift_every=4, delivered=48)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import accuracy
+import delivery
 import evaluation
 import machine
 import memory
@@ -24,6 +25,7 @@ SECTIONS: Mapping[str, Callable[[Effort], Section]] = {
     "accuracy": accuracy.measure,
     "evaluation": evaluation.measure,
     "memory": memory.measure,
+    "delivery": delivery.measure,
     "real_video": real_video.measure,
 }
 
