@@ -17,6 +17,7 @@ from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.evaluation import Arrival, Evaluator
 from stab_ros.core.findings import Level, findings
 from stab_ros.core.frame_metrics import FrameMetrics, Outcome
+from stab_ros.core.gray import without_colour
 from stab_ros.core.parameters import EVALUATOR_PARAMETERS, evaluator_config
 from stab_ros.core.types import Frame
 from stab_ros.io.engine import make_evaluator
@@ -48,8 +49,8 @@ class EvaluatorSettings(Checked):
     window_s: float = setting(60.0, "statistics on /diagnostics are over the last so many seconds, s", 1.0, 86400.0)
     alarm_s: float = setting(3.0, "/diagnostics tells a problem of a frame for so long, s", 1.0, 3600.0)
     stale_s: float = setting(1.0, "without an image for so long the stream counts as stopped, s", 0.05, 3600.0)
-    backlog_mb: float = setting(256.0, "pictures that may wait to be measured, MB; more than half: RMSE and velocity "
-                                "field are skipped; all: the oldest frame is skipped", 0.1, 1e6)
+    backlog_mb: float = setting(512.0, "pictures that may wait to be measured, MB in gray; more than half: RMSE and "
+                                "velocity field are skipped; all: the oldest frame is skipped", 0.1, 1e6)
     wait_for_subscribers: int = setting(0, "take images only once so many subscribers match ~/metrics", 0, 1000)
 
 
@@ -130,7 +131,7 @@ class EvaluatorNode(StabNode):
             idle = idle + 1 if self._received == before else 0
 
     def _on_image(self, cdr: bytes) -> None:
-        frame = read_image(cdr, IMAGE)
+        frame = without_colour(read_image(cdr, IMAGE))
         self._frame_id = frame.frame_id
         self.status.on_alive(time.monotonic_ns())
         self._pairing.expect_homography = self.count_publishers(self._inputs[_HOMOGRAPHY].topic) > 0
@@ -143,7 +144,7 @@ class EvaluatorNode(StabNode):
         self._queue(self._pairing.homography(stamp_ns, ref_H_cur))
 
     def _on_reference(self, cdr: bytes) -> None:
-        self._backlog.add_reference(read_image(cdr, IMAGE), time.monotonic_ns(),
+        self._backlog.add_reference(without_colour(read_image(cdr, IMAGE)), time.monotonic_ns(),
                                     at_once=self.evaluator.reference is None)
 
     def _queue(self, arrivals: list[Arrival]) -> None:
