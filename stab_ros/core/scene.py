@@ -87,7 +87,8 @@ class Scene:
         moved_px = after.shifts_px - before.shifts_px
         return compare(self.points, before.windows, after.windows,
                        follow(after.gray, self.centres_px, self.window_px, moved_px),
-                       before.usable & after.usable, before.noise_variance + after.noise_variance)
+                       moved_px, before.usable & after.usable,
+                       before.noise_variance + after.noise_variance)
 
 
 def scene_of(frame: Frame, config: EvaluatorConfig, named_points: Sequence[NamedPoint], area: Area) -> Scene:

@@ -69,7 +69,8 @@ def _point(topic: TopicEvaluation, index: int) -> Json:
     medians = {name: float(np.median(values)) if (values := topic.point_series(name, index)) else None
                for name in POINT_METRICS}
     return {"name": point.name, "x": point.x_px, "y": point.y_px, "a": fit.a, "b": fit.b, "r2": fit.r2,
-            "range_px": fit.range_px, "window_px": fit.window_px, "static": bool(topic.static[index]), **medians}
+            "by_direction": list(map(list, fit.by_direction)), "range_px": fit.range_px, "window_px": fit.window_px,
+            "static": bool(topic.static[index]), **medians}
 
 
 def unrest_px(topic: TopicEvaluation) -> tuple[float | None, float | None]:

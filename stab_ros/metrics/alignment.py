@@ -37,3 +37,11 @@ def _taps(fraction: FloatArray, window_px: int) -> FloatArray:
     distance = (column - row - _REACH_PX) - fraction[:, None, None]
     taps = np.where(np.abs(distance) < _REACH_PX, np.sinc(distance) * np.sinc(distance / _REACH_PX), 0.0)
     return np.asarray(taps / taps.sum(axis=2, keepdims=True))
+
+
+def kept_share(shifts_px: FloatArray) -> FloatArray:
+    """(P,): the variance that white noise keeps in the windows of `follow`; NaN where there is no shift."""
+    fraction = shifts_px - np.floor(shifts_px)
+    known = np.nan_to_num(fraction)
+    squares = [np.square(_taps(known[:, axis], 1)).sum(axis=(1, 2)) for axis in (0, 1)]
+    return np.asarray(np.where(np.isfinite(fraction).all(axis=1), squares[0] * squares[1], np.nan))

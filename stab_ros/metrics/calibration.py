@@ -14,6 +14,7 @@ from stab_ros.metrics._sweep import SHIFTS_PX, Sweep
 
 FIT_TO_PX = 5.0  # the paper: a second-degree polynomial fits up to 4 to 5 px
 _FADING_FROM_PX, _FADING = 4.25, 0.8  # by so much a px less count the last shifts, where it fits worst
+_UNSURE_PX = 0.02  # a shift as short as that does not tell its direction
 _FEWEST = 3  # shifts to fit, however soon RMSD stops rising
 _FLAT = 0.01  # RMSD, grey levels
 _PLATEAU = 0.95  # of the largest RMSD: beyond, the curve is too flat to read a displacement from it
@@ -24,6 +25,7 @@ _TOLERABLE_SHARE, _TOLERABLE_PX = 0.15, 0.05  # of a displacement, whichever is 
 class Calibration:
     """Eq. 3 at one point: d = a RMSD^2 + b RMSD, px, with RMSD in grey levels; a, b >= 0, so d never falls.
 
+    by_direction: a and b of Eq. 3 for shifts at 0, 45, 90 and 135 degrees alone; empty: a and b for all directions.
     r2: coefficient of determination over all shifts and directions up to `FIT_TO_PX`. range_px: the largest
     displacement that can be told; beyond, RMSD hardly rises any more, or falls. window_px: N of the windows it holds
     for. range_rmsd: the RMSD that a displacement by `range_px` makes.
@@ -38,6 +40,7 @@ class Calibration:
     range_px: float
     window_px: int
     range_rmsd: float = math.inf
+    by_direction: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         if not (self.a >= 0 and self.b >= 0 and self.a + self.b > 0 and self.range_px > 0):
@@ -52,9 +55,33 @@ class Calibration:
         """Same shape as `rmsd`, bool: it is larger than a displacement within `range_px` makes it."""
         return (self._polynomial(rmsd) > self.range_px) | (np.asarray(rmsd) > self.range_rmsd)
 
+    def displacement_towards_px(self, rmsd: float, moved_px: FloatArray) -> float:
+        """As `displacement_px`, for a window whose content moved about in the direction of `moved_px` (2,), x then y.
+
+        Where that is not known (0, NaN), as there.
+        """
+        in_any = float(self.displacement_px(rmsd))
+        length_px = float(np.hypot(*moved_px))
+        along_px = np.array([a * rmsd * rmsd + b * rmsd for a, b in self.by_direction])
+        if not (len(along_px) and in_any > 0 and length_px > 0 and (along_px > 0).all()):  # NaN compares false
+            return in_any
+        sure = length_px**2 / (length_px**2 + _UNSURE_PX**2)
+        return min(_at_angle(along_px, math.atan2(moved_px[1], moved_px[0]), sure), self.range_px)
+
     def _polynomial(self, rmsd: FloatArray | float) -> FloatArray:
         values = np.asarray(rmsd, np.float64)
         return np.asarray(self.a * values * values + self.b * values)
+
+
+def _at_angle(along_px: FloatArray, angle: float, sure: float) -> float:
+    """Between the displacements (4,) along 0, 45, 90 and 135 degrees that make one RMSD; `sure` 0: their mean.
+
+    RMSD^2 is d^2 times a quadratic form of the direction (the structure tensor), so 1 / d^2 varies with 2 `angle`.
+    """
+    s0, s45, s90, s135 = s = 1 / along_px**2
+    varying = ((s0 - s90) / 2 * math.cos(2 * angle) + (s45 - s135) / 2 * math.sin(2 * angle)
+               + (s0 - s45 + s90 - s135) / 4 * math.cos(4 * angle))
+    return float(np.clip(s.mean() + sure * varying, s.min(), s.max()) ** -0.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +126,11 @@ def fitted(rmsd: FloatArray, window_px: int) -> tuple[Calibration, Curve]:
         raise ValueError("a window without texture: a shift changes nothing in it")
     used = max(_FEWEST, min(end, int(np.searchsorted(SHIFTS_PX, FIT_TO_PX))) + 1)
     a, b = (float(c) for c in coefficients(SHIFTS_PX[:used], curve.rmsd[:used]))
+    half = rmsd.shape[1] // 2  # opposite directions make nearly the same RMSD
+    of_directions = coefficients(SHIFTS_PX[:used], (rmsd[:used, :half] + rmsd[:used, half:]) / 2)
+    by_direction = tuple((float(one), float(other)) for one, other in zip(*of_directions, strict=True))
     r2 = float(determination(a, b, np.repeat(SHIFTS_PX[:used], rmsd.shape[1]), rmsd[:used].ravel()))
-    return Calibration(a, b, r2, float(SHIFTS_PX[end]), window_px, float(curve.rmsd[end])), curve
+    return Calibration(a, b, r2, float(SHIFTS_PX[end]), window_px, float(curve.rmsd[end]), by_direction), curve
 
 
 def is_flat(rmsd: FloatArray) -> bool:

@@ -25,7 +25,8 @@ _GOOD = 0.5  # share of the best texture in a cell that makes a place as good as
 _NEIGHBOURS = 8
 _TOLERATED_PX = 0.2  # of the median test, on top of what the neighbours differ by
 _OUTLIER = 4.0
-_GATE_PX = 1.0  # off the plane of the ground; as for homologous points, it leaves relief in
+_LEAST_GATE_PX, _GATE_PX = 0.15, 1.0  # off the plane of the ground: beyond, it is water
+_SCATTERS = 4.0  # off the plane that are relief, as most areas show it, and no water
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ class VelocityField:
         centres = self._correlator.areas_px.astype(np.float64)
         shifts = _without_outliers(centres, self._correlator.shifts(current, valid=valid))
         if ref_H_cur is not None:
-            shifts[_off_plane_px(centres, shifts, ref_H_cur) > _GATE_PX] = np.nan
+            shifts[_on_water(_off_plane_px(centres, shifts, ref_H_cur))] = np.nan
         return Field(centres, shifts, self._region, tuple(
             _region_velocity(i, middle, shifts[self._region == i]) for i, middle in enumerate(self._middles_px)
         ))
@@ -147,6 +148,13 @@ def _without_outliers(centres_px: FloatArray, shifts_px: FloatArray) -> FloatArr
     kept = shifts_px.copy()
     kept[known[bad]] = np.nan
     return kept
+
+
+def _on_water(off_px: FloatArray) -> BoolArray:
+    """(n,) bool: which of the areas (n,) are further off the plane than the relief of the ground makes most of them."""
+    near = off_px[off_px <= _GATE_PX]
+    gate_px = np.clip(_SCATTERS * np.median(near), _LEAST_GATE_PX, _GATE_PX) if len(near) else _GATE_PX
+    return np.asarray(off_px > gate_px)
 
 
 def _off_plane_px(centres_px: FloatArray, shifts_px: FloatArray, ref_H_cur: Homography) -> FloatArray:
