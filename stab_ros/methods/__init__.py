@@ -6,6 +6,7 @@ from typing import Any, ClassVar, Protocol
 
 from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography
 from stab_ros.methods.direct import Direct
+from stab_ros.methods.fft import Fft
 from stab_ros.methods.klt import Klt
 
 
@@ -32,4 +33,4 @@ class Method(Protocol):
         """
 
 
-METHODS: dict[str, type[Method]] = {"direct": Direct, "klt": Klt}
+METHODS: dict[str, type[Method]] = {"direct": Direct, "klt": Klt, "fft": Fft}
