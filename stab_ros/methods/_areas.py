@@ -59,7 +59,7 @@ class Maps:
         """(N,) bool: the area of `side` px lies wholly in the picture."""
         corners, last = self.at(_CORNERS * (side - 1)), np.array(gray.shape[::-1]) - 1
         tiny = 1e-6  # px, of rounding
-        return np.asarray(((corners >= -tiny) & (corners <= last + tiny)).all(axis=(1, 2)))  # NaN compares false
+        return np.asarray(np.all((corners >= -tiny) & (corners <= last + tiny), axis=(1, 2)))  # NaN compares false
 
 
 def sample(gray: Gray, maps: Maps, side: int) -> FloatArray:

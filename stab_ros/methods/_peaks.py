@@ -70,7 +70,7 @@ def gaussian_2x3(near: FloatArray) -> FloatArray:
 def _vertex(before: FloatArray, middle: FloatArray, after: FloatArray) -> FloatArray:
     """Where the parabola through the values at -1, 0 and 1 has its maximum."""
     bend = 2 * before - 4 * middle + 2 * after
-    return np.divide(before - after, bend, out=np.full(len(middle), np.nan), where=bend < 0)
+    return np.asarray(np.divide(before - after, bend, out=np.full(len(middle), np.nan), where=bend < 0))
 
 
 def gaussian_fit(near: FloatArray) -> FloatArray:
@@ -91,7 +91,8 @@ def gaussian_fit(near: FloatArray) -> FloatArray:
     _, bx, by, xx, xy, yy = np.linalg.solve(normal, right[:, :, None])[:, :, 0].T
     determinant = np.where(sane & (xx < 0) & (4 * xx * yy > xy**2), 4 * xx * yy - xy**2, np.nan)
     step = np.stack([xy * by - 2 * yy * bx, xy * bx - 2 * xx * by], axis=1) / determinant[:, None]
-    return np.where((np.abs(step) <= reach).all(axis=1)[:, None], step, np.nan)
+    within = np.all(np.abs(step) <= reach, axis=1, keepdims=True)
+    return np.where(within, step, np.nan)
 
 
 def _logarithm(near: FloatArray) -> FloatArray:

@@ -38,8 +38,8 @@ def corners(gray: Gray, allowed: BoolArray, side: int, margin: int, min_texture:
         return np.empty((0, 2))
     box = score[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     found = [_best(part) + offset for part, offset in _quarters(box) if part.max(initial=0.0) >= min_texture]
-    centres = np.array(found, np.int64).reshape(-1, 2) + [columns[0], rows[0]]
-    return _centred(centres, side)
+    corner = np.array([columns[0], rows[0]])
+    return _centred(corner + np.array(found, np.int64).reshape(-1, 2), side)
 
 
 def apart(gray: Gray, allowed: BoolArray, count: int, side: int, margin: int, distance_px: float) -> FloatArray:
@@ -79,6 +79,6 @@ def _quarters(box: FloatArray) -> list[tuple[FloatArray, IdArray]]:
 
 
 def _best(score: FloatArray) -> IdArray:
-    """x and y of the highest score."""
+    """Column and row of the highest score."""
     y, x = np.unravel_index(int(score.argmax()), score.shape)
     return np.array([x, y])

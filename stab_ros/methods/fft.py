@@ -10,6 +10,8 @@ deforms the areas of the next pass; the last pass measures the point itself.
   its program compares with the first one, and here `reference` decides.
 * Areas that follow are where the predicted homography puts them, turned and stretched as it says. Areas that stay look
   where the point was in the reference.
+* Before the peak is read, the correlation is divided by the share of the two areas that overlaps at each lag
+  (Westerweel 1997), or all displacements would come out too small. The peak itself is the 2x3-point Gaussian's.
 * Not reported are points whose peak lies on the border of the correlation plane, is not clear of the second highest
   peak, or whose area does not look like the reference where it was found.
 """
@@ -25,7 +27,7 @@ from numpy.typing import NDArray
 
 from stab_ros.core.config import Checked, setting
 from stab_ros.core.errors import ConfigError
-from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography
+from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray
 from stab_ros.methods import _agreement, _peaks, _places
 from stab_ros.methods._areas import Maps, sample
 
@@ -33,8 +35,11 @@ _GRID = np.array([[x, y] for y in (-1, 0, 1) for x in (-1, 0, 1)])
 _CENTRE = 4
 _FIELD_VECTORS = 6  # of the 9: with fewer, the areas are only shifted
 _CLEAR_OF = 3  # later passes look for the peak within one over this of the area
-_CORRELATED = 1.0
-_FLOOR_PX = 0.02
+# Errors of the points on the synthetic flights, beside the Cramer-Rao bound: those of the sub-pixel peak, and a share
+# of the last pass's correction, as far as it is below half a pixel. So a chi-square per degree of freedom is about 1.
+_EXCESS = 1.0
+_PEAK_PX = 0.02
+_OF_LAST_SHIFT, _MOST_SHIFT_PX = 0.15, 0.5
 _SIDES = (8, 512)
 
 
@@ -45,11 +50,11 @@ class FftConfig(Checked):
     points: int = setting(64, "number of points, if none are given", 4, 5000)
     layout: str = setting("even", "where points lie, if none are given: evenly, or one near each corner",
                           choices=("even", "corners"))
-    passes: str = setting("64,32", "sides of the areas of each pass, px, even numbers: 32,16")
+    passes: str = setting("48,32,32", "sides of the areas of each pass, px, even numbers: 32,16")
     steps: str = setting("", "spacing of the vectors of each pass, px: 16,8; empty: half the areas")
     follow: bool = setting(True, "areas follow the predicted motion; else they stay")
     min_correlation: float = setting(0.5, "an area that looks less like the reference is left out", 0.1, 0.99)
-    min_peak_ratio: float = setting(1.2, "least ratio of the highest to the second highest peak", 1.0, 10.0)
+    min_peak_ratio: float = setting(1.0, "least ratio of the highest to the second highest peak", 1.0, 10.0)
     min_texture: float = setting(0.5, "least mean squared gradient of an area, grey levels^2 per px^2", 0.01, 1e4)
 
     def __post_init__(self) -> None:
@@ -143,28 +148,29 @@ class Fft:
         for number, one in enumerate(self._passes):
             shift = self._shifts(one.correlate(current, maps), one.side // (2 if number == 0 else _CLEAR_OF))
             found &= np.isfinite(shift[:, len(one.offsets) // 2]).all(axis=1)
-            maps = maps.moved(*_field(shift, one.offsets))
-        return self._judged(current, maps, found)
+            displacement, gradient = _field(shift, one.offsets)
+            maps = maps.moved(displacement, gradient)
+        return self._judged(current, maps, found, np.hypot(*displacement.T))
 
     def _shifts(self, planes: FloatArray, reach: int) -> FloatArray:
         """(N, k, 2) px: the peaks of correlation planes (N, k, s, s) within `reach`; NaN where not clear."""
         n, k, side, _ = planes.shape
-        low, high = side // 2 - min(reach, side // 2), side // 2 + min(reach, side // 2)
+        low, high = side // 2 - reach, side // 2 + reach
         near = planes.reshape(n * k, side, side)[:, low:high, low:high]
         peaks = _peaks.highest(near)
         clear = (peaks.height > 0) & (peaks.ratio >= self._config.min_peak_ratio)
-        whole = np.stack([peaks.column, peaks.row], axis=1) + low - side // 2
-        middle = np.where(clear[:, None, None], peaks.around(near, 3), np.nan)
-        return np.asarray((whole + _peaks.gaussian_2x3(middle)).reshape(n, k, 2))
+        lag_px = np.stack([peaks.column, peaks.row], axis=1) - reach
+        middle = np.where(clear[:, None, None], peaks.around(near, 3) / _overlap(lag_px, side), np.nan)
+        return np.asarray((lag_px + _peaks.gaussian_2x3(middle)).reshape(n, k, 2))
 
-    def _judged(self, current: Gray, maps: Maps, found: BoolArray) -> Correspondences:
+    def _judged(self, current: Gray, maps: Maps, found: BoolArray, last_shift_px: FloatArray) -> Correspondences:
         """What was found, where it looks like the reference."""
         found = found & maps.inside(current, self._passes[-1].side)
         areas = sample(current, maps, self._passes[-1].side)
         alike = _agreement.correlation(self._template, areas)
         kept = np.flatnonzero(found & (alike >= self._config.min_correlation))
-        information = _agreement.information(self._template[kept], alike[kept], self._structure[kept], _CORRELATED,
-                                             _FLOOR_PX)
+        peak_px = np.hypot(_PEAK_PX, _OF_LAST_SHIFT * np.minimum(last_shift_px[kept], _MOST_SHIFT_PX))
+        information = _agreement.information(self._template[kept], alike[kept], self._structure[kept], _EXCESS, peak_px)
         return Correspondences(kept, self.reference_px[kept], maps.centres[kept], information)
 
 
@@ -182,6 +188,12 @@ def _inside(gray: Gray, maps: Maps, side: int, offsets: FloatArray) -> BoolArray
     places = maps.at(offsets)
     return np.stack([dataclasses.replace(maps, centres=places[:, k]).inside(gray, side) for k in range(len(offsets))],
                     axis=1)
+
+
+def _overlap(lag_px: IdArray, side: int) -> FloatArray:
+    """(N, 3, 3) share of two areas of `side` px that overlaps, at the lags about each of (N, 2)."""
+    x, y = (1 - np.abs(lag_px[:, axis, None] + np.arange(-1, 2)) / side for axis in (0, 1))
+    return np.asarray(np.maximum(y[:, :, None] * x[:, None, :], 1 / side**2))
 
 
 def _power(areas: FloatArray) -> FloatArray:
