@@ -12,7 +12,7 @@ import numpy as np
 
 from stab_ros.core.geometry import apply
 from stab_ros.core.kernels import kernel
-from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography
+from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, IdArray
 
 _CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]])
 
@@ -39,7 +39,7 @@ class Maps:
         w = centres @ H[2, :2] + H[2, 2]
         return Maps(mapped, (H[:2, :2] - mapped[:, :, None] * H[2, :2]) / w[:, None, None])
 
-    def __getitem__(self, keep: BoolArray) -> Maps:
+    def __getitem__(self, keep: BoolArray | IdArray) -> Maps:
         return Maps(self.centres[keep], self.shape[keep])
 
     def whole_pixels(self) -> Maps:
@@ -59,7 +59,8 @@ class Maps:
         """(N,) bool: the area of `side` px lies wholly in the picture."""
         corners, last = self.at(_CORNERS * (side - 1)), np.array(gray.shape[::-1]) - 1
         tiny = 1e-6  # px, of rounding
-        return np.asarray(np.all((corners >= -tiny) & (corners <= last + tiny), axis=(1, 2)))  # NaN compares false
+        within = np.asarray((corners >= -tiny) & (corners <= last + tiny))  # NaN compares false
+        return np.asarray(within.all(axis=(1, 2)))
 
 
 def sample(gray: Gray, maps: Maps, side: int) -> FloatArray:

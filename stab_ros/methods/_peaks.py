@@ -91,8 +91,8 @@ def gaussian_fit(near: FloatArray) -> FloatArray:
     _, bx, by, xx, xy, yy = np.linalg.solve(normal, right[:, :, None])[:, :, 0].T
     determinant = np.where(sane & (xx < 0) & (4 * xx * yy > xy**2), 4 * xx * yy - xy**2, np.nan)
     step = np.stack([xy * by - 2 * yy * bx, xy * bx - 2 * xx * by], axis=1) / determinant[:, None]
-    within = np.all(np.abs(step) <= reach, axis=1, keepdims=True)
-    return np.where(within, step, np.nan)
+    step[np.abs(step).max(axis=1) > reach] = np.nan
+    return step
 
 
 def _logarithm(near: FloatArray) -> FloatArray:
