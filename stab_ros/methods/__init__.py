@@ -8,6 +8,7 @@ from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Ho
 from stab_ros.methods.direct import Direct
 from stab_ros.methods.fft import Fft
 from stab_ros.methods.klt import Klt
+from stab_ros.methods.region import Region
 from stab_ros.methods.ssim import Ssim
 
 
@@ -34,4 +35,4 @@ class Method(Protocol):
         """
 
 
-METHODS: dict[str, type[Method]] = {"direct": Direct, "klt": Klt, "fft": Fft, "ssim": Ssim}
+METHODS: dict[str, type[Method]] = {"direct": Direct, "klt": Klt, "fft": Fft, "ssim": Ssim, "region": Region}

@@ -12,7 +12,7 @@ import numpy as np
 
 from stab_ros.core.geometry import apply
 from stab_ros.core.kernels import kernel
-from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, IdArray
+from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, IdArray, Image
 
 _CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]])
 
@@ -46,7 +46,7 @@ class Maps:
         """Only shifted, and by whole pixels, so that nothing needs to be interpolated."""
         return Maps.standing(np.round(self.centres))
 
-    def moved(self, shift_px: FloatArray, gradient: FloatArray) -> Maps:
+    def moved(self, shift_px: FloatArray | IdArray, gradient: FloatArray) -> Maps:
         """With the displacement field shift + gradient u, (N, 2) px and (N, 2, 2), applied before."""
         centres = self.centres + np.einsum("nij,nj->ni", self.shape, shift_px)
         return Maps(centres, self.shape @ (np.eye(2) + gradient))
@@ -59,21 +59,21 @@ class Maps:
         """(N,) bool: the area of `side` px lies wholly in the picture."""
         corners, last = self.at(_CORNERS * (side - 1)), np.array(gray.shape[::-1]) - 1
         tiny = 1e-6  # px, of rounding
-        within = np.asarray((corners >= -tiny) & (corners <= last + tiny))  # NaN compares false
-        return np.asarray(within.all(axis=(1, 2)))
+        beyond = np.maximum(-corners, corners - last).max(axis=(1, 2))
+        return np.asarray(beyond <= tiny)  # NaN compares false
 
 
-def sample(gray: Gray, maps: Maps, side: int) -> FloatArray:
+def sample(image: Image, maps: Maps, side: int) -> FloatArray:
     """(N, side, side) float32: the areas, by cubic convolution (Keys 1981); beyond the picture its edge goes on."""
-    sane = np.isfinite(maps.centres).all(axis=1) & np.isfinite(maps.shape).all(axis=(1, 2))
+    sane: BoolArray = np.isfinite(maps.centres.sum(axis=1) + maps.shape.sum(axis=(1, 2)))
     values = np.zeros((len(maps.centres), side, side), np.float32)
-    _sample(gray, np.where(sane[:, None], maps.centres, 0.0), np.where(sane[:, None, None], maps.shape, 0.0), values)
+    _sample(image, np.where(sane[:, None], maps.centres, 0.0), np.where(sane[:, None, None], maps.shape, 0.0), values)
     return values
 
 
 @kernel()
-def _sample(gray: Gray, centres: FloatArray, shape: FloatArray, values: FloatArray) -> None:
-    height, width = gray.shape
+def _sample(image: Image, centres: FloatArray, shape: FloatArray, values: FloatArray) -> None:
+    height, width = image.shape
     n, side, _ = values.shape
     middle = (side - 1) / 2
     wx, wy = np.empty(4, np.float32), np.empty(4, np.float32)
@@ -94,6 +94,6 @@ def _sample(gray: Gray, centres: FloatArray, shape: FloatArray, values: FloatArr
                     line = min(max(top - 1 + a, 0), height - 1)
                     along = np.float32(0)
                     for b in range(4):
-                        along += wx[b] * gray[line, min(max(left - 1 + b, 0), width - 1)]
+                        along += wx[b] * image[line, min(max(left - 1 + b, 0), width - 1)]
                     total += wy[a] * along
                 values[i, row, column] = total

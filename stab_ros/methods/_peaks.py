@@ -83,15 +83,15 @@ def gaussian_fit(near: FloatArray) -> FloatArray:
     reach = near.shape[1] // 2
     y, x = (axis.ravel().astype(float) for axis in np.mgrid[-reach : reach + 1, -reach : reach + 1])
     design = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
-    sane = np.isfinite(near).all(axis=(1, 2))
-    scores = np.where(sane[:, None, None], near, 1.0)
+    unknown = ~np.isfinite(near.sum(axis=(1, 2)))
+    scores = np.where(unknown[:, None, None], 1.0, near)
     weight = (np.maximum(scores, 0) / scores[:, reach, reach][:, None, None]).reshape(len(near), -1) ** 2
     normal = np.einsum("np,pa,pb->nab", weight, design, design) + 1e-9 * np.eye(6)
     right = np.einsum("np,pa,np->na", weight, design, _logarithm(scores).reshape(len(near), -1))
     _, bx, by, xx, xy, yy = np.linalg.solve(normal, right[:, :, None])[:, :, 0].T
-    determinant = np.where(sane & (xx < 0) & (4 * xx * yy > xy**2), 4 * xx * yy - xy**2, np.nan)
+    determinant = np.where((xx < 0) & (4 * xx * yy > xy**2), 4 * xx * yy - xy**2, np.nan)
     step = np.stack([xy * by - 2 * yy * bx, xy * bx - 2 * xx * by], axis=1) / determinant[:, None]
-    step[np.abs(step).max(axis=1) > reach] = np.nan
+    step[unknown | (np.abs(step).max(axis=1) > reach)] = np.nan
     return step
 
 

@@ -54,7 +54,7 @@ def _fill(kernels: FloatArray, areas: FloatArray, window: int, kernel_mean: Floa
     for i in range(n):
         for dy in range(lags):
             for dx in range(lags):
-                total = 0.0
+                total = np.float32(0)
                 columns[:] = 0
                 for row in range(side):
                     ahead, seen = kernels[i, row], areas[i, row + dy, dx : dx + side]

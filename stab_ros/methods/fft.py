@@ -30,6 +30,7 @@ from stab_ros.core.errors import ConfigError
 from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray
 from stab_ros.methods import _agreement, _peaks, _places
 from stab_ros.methods._areas import Maps, sample
+from stab_ros.methods._second_look import looked_for_twice
 
 _GRID = np.array([[x, y] for y in (-1, 0, 1) for x in (-1, 0, 1)])
 _CENTRE = 4
@@ -47,12 +48,13 @@ _SIDES = (8, 512)
 class FftConfig(Checked):
     """Parameters `fft.*`."""
 
-    points: int = setting(64, "number of points, if none are given", 4, 5000)
+    points: int = setting(100, "number of points, if none are given", 4, 5000)
     layout: str = setting("even", "where points lie, if none are given: evenly, or one near each corner",
                           choices=("even", "corners"))
     passes: str = setting("48,32,32", "sides of the areas of each pass, px, even numbers: 32,16")
     steps: str = setting("", "spacing of the vectors of each pass, px: 16,8; empty: half the areas")
     follow: bool = setting(True, "areas follow the predicted motion; else they stay")
+    second_look: bool = setting(True, "points that are not found are looked for where the others say they are")
     min_correlation: float = setting(0.5, "an area that looks less like the reference is left out", 0.1, 0.99)
     min_peak_ratio: float = setting(1.0, "least ratio of the highest to the second highest peak", 1.0, 10.0)
     min_texture: float = setting(0.5, "least mean squared gradient of an area, grey levels^2 per px^2", 0.01, 1e4)
@@ -102,12 +104,12 @@ class Pass:
         inside = _inside(reference, Maps.standing(centres), side, offsets)
         return Pass(side, offsets, np.conj(np.fft.rfft2(areas)), np.where(inside, _power(areas), 0.0))
 
-    def correlate(self, current: Gray, maps: Maps) -> FloatArray:
-        """(N, k, side, side) normalised correlation over all lags; zero lag is at side / 2."""
+    def correlate(self, current: Gray, maps: Maps, chosen: IdArray) -> FloatArray:
+        """(n, k, side, side) normalised correlation of the chosen points over all lags; zero lag is at side / 2."""
         areas = _cut(current, maps, self.side, self.offsets)
         inside = _inside(current, maps, self.side, self.offsets)
-        norm = np.sqrt(self.power * np.where(inside, _power(areas), 0.0))
-        plane = np.fft.irfft2(self.spectra * np.fft.rfft2(areas), s=(self.side, self.side))
+        norm = np.sqrt(self.power[chosen] * np.where(inside, _power(areas), 0.0))
+        plane = np.fft.irfft2(self.spectra[chosen] * np.fft.rfft2(areas), s=(self.side, self.side))
         scale = np.divide(1.0, norm, out=np.zeros_like(norm), where=norm > 0)
         return np.asarray(np.fft.fftshift(plane, axes=(2, 3)) * scale[:, :, None, None])
 
@@ -142,15 +144,25 @@ class Fft:
         return _places.even(reference, allowed, config.points, last, largest // 2, config.min_texture)
 
     def match(self, current: Gray, guess: Homography, trust: FloatArray) -> Correspondences:
-        centres = self.reference_px
+        def look(H: Homography, chosen: IdArray) -> Correspondences:
+            return self._look(current, H, chosen)
+
+        if not (self._config.second_look and self._config.follow):
+            return look(guess, np.arange(len(self.reference_px)))
+        return looked_for_twice(look, guess, self.reference_px, current.shape[::-1], trust)
+
+    def _look(self, current: Gray, guess: Homography, chosen: IdArray) -> Correspondences:
+        """Those of the chosen points that are found in the areas that `guess` moves."""
+        centres = self.reference_px[chosen]
         maps = Maps.through(np.linalg.inv(guess), centres) if self._config.follow else Maps.standing(centres)
         found = np.ones(len(centres), bool)
         for number, one in enumerate(self._passes):
-            shift = self._shifts(one.correlate(current, maps), one.side // (2 if number == 0 else _CLEAR_OF))
+            shift = self._shifts(one.correlate(current, maps, chosen), one.side // (2 if number == 0 else _CLEAR_OF))
             found &= np.isfinite(shift[:, len(one.offsets) // 2]).all(axis=1)
             displacement, gradient = _field(shift, one.offsets)
             maps = maps.moved(displacement, gradient)
-        return self._judged(current, maps, found, np.hypot(*displacement.T))
+        sure = found & maps.inside(current, self._passes[-1].side)
+        return self._judged(current, maps[sure], chosen[sure], np.hypot(*displacement[sure].T))
 
     def _shifts(self, planes: FloatArray, reach: int) -> FloatArray:
         """(N, k, 2) px: the peaks of correlation planes (N, k, s, s) within `reach`; NaN where not clear."""
@@ -163,15 +175,14 @@ class Fft:
         middle = np.where(clear[:, None, None], peaks.around(near, 3) / _overlap(lag_px, side), np.nan)
         return np.asarray((lag_px + _peaks.gaussian_2x3(middle)).reshape(n, k, 2))
 
-    def _judged(self, current: Gray, maps: Maps, found: BoolArray, last_shift_px: FloatArray) -> Correspondences:
-        """What was found, where it looks like the reference."""
-        found = found & maps.inside(current, self._passes[-1].side)
-        areas = sample(current, maps, self._passes[-1].side)
-        alike = _agreement.correlation(self._template, areas)
-        kept = np.flatnonzero(found & (alike >= self._config.min_correlation))
-        peak_px = np.hypot(_PEAK_PX, _OF_LAST_SHIFT * np.minimum(last_shift_px[kept], _MOST_SHIFT_PX))
-        information = _agreement.information(self._template[kept], alike[kept], self._structure[kept], _EXCESS, peak_px)
-        return Correspondences(kept, self.reference_px[kept], maps.centres[kept], information)
+    def _judged(self, current: Gray, maps: Maps, chosen: IdArray, last_shift_px: FloatArray) -> Correspondences:
+        """Those of the chosen points that look like the reference where they were found."""
+        alike = _agreement.correlation(self._template[chosen], sample(current, maps, self._passes[-1].side))
+        good = alike >= self._config.min_correlation
+        kept, peak_px = chosen[good], np.hypot(_PEAK_PX, _OF_LAST_SHIFT * np.minimum(last_shift_px, _MOST_SHIFT_PX))
+        information = _agreement.information(self._template[kept], alike[good], self._structure[kept], _EXCESS,
+                                             peak_px[good])
+        return Correspondences(kept, self.reference_px[kept], maps.centres[good], information)
 
 
 def _cut(gray: Gray, maps: Maps, side: int, offsets: FloatArray) -> FloatArray:

@@ -6,9 +6,9 @@ scores about it, is where the point is. Maxima on the border of the map are not 
 
 * "Areas follow": the search area is centred where the predicted homography puts the point, on whole pixels, so that
   the frame is never interpolated.
-* "Kernel updating" for large rotation: the paper cuts new kernels from later frames, at the cost of errors that add up.
-  Here the kernel is rendered from the reference, turned and stretched as the predicted homography does there, so that it
-  looks as it should in the current frame, and nothing adds up.
+* "Kernel updating" for large rotation: the paper cuts new kernels from later frames, at the cost of errors that add
+  up. Here the kernel is rendered from the reference, turned and stretched as the predicted homography does there, so
+  that it looks as it should in the current frame, and nothing adds up.
 * The peak of a kernel's score map over its own surroundings does not lie exactly on itself, since the parts it is
   compared with differ in contrast from side to side. What it misses is measured once, in the reference, and taken off.
 * "Expanding search": points that are not found are looked for again in search areas twice as large.
@@ -23,9 +23,10 @@ import numpy as np
 
 from stab_ros.core.config import Checked, setting
 from stab_ros.core.errors import ConfigError
-from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography
+from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray
 from stab_ros.methods import _agreement, _peaks, _places
 from stab_ros.methods._areas import Maps, sample
+from stab_ros.methods._second_look import looked_for_twice
 from stab_ros.methods._similarity import ssim_maps
 
 # Errors of the points on the synthetic flights, beside the Cramer-Rao bound: so the chi-square per degree of freedom
@@ -38,12 +39,13 @@ _PEAK_PX = 0.02
 class SsimConfig(Checked):
     """Parameters `ssim.*`."""
 
-    points: int = setting(64, "number of points, if none are given", 4, 5000)
+    points: int = setting(100, "number of points, if none are given", 4, 5000)
     area: int = setting(21, "side of the kernel, px, odd", 5, 101)
     search: int = setting(41, "side of the search area, px, odd", 7, 255)
     window: int = setting(7, "side of the windows whose similarity is averaged, px", 3, 101)
     subpixel: int = setting(3, "side of the part of the score map the Gaussian is fitted to, odd", 3, 15)
     update_kernels: bool = setting(True, "kernels are turned and stretched as the predicted motion says")
+    second_look: bool = setting(True, "points that are not found are looked for where the others say they are")
     expand: bool = setting(False, "points that are not found are looked for in twice the search area")
     min_score: float = setting(0.4, "a point with a lower similarity is left out", -1.0, 1.0)
     min_texture: float = setting(0.5, "least mean squared gradient of a kernel, grey levels^2 per px^2", 0.01, 1e4)
@@ -81,19 +83,27 @@ class Ssim:
         self._miss_px = np.nan_to_num(_peaks.gaussian_fit(ssim_maps(self._template, nearest, config.window)))
 
     def match(self, current: Gray, guess: Homography, trust: FloatArray) -> Correspondences:
-        maps = Maps.through(np.linalg.inv(guess), self.reference_px)
+        def look(H: Homography, chosen: IdArray) -> Correspondences:
+            return self._look(current, H, chosen)
+
+        if not self._config.second_look:
+            return look(guess, np.arange(len(self.reference_px)))
+        return looked_for_twice(look, guess, self.reference_px, current.shape[::-1], trust)
+
+    def _look(self, current: Gray, guess: Homography, chosen: IdArray) -> Correspondences:
+        """Those of the chosen points that are found in the search areas that `guess` moves."""
+        maps = Maps.through(np.linalg.inv(guess), self.reference_px[chosen])
         if not self._config.update_kernels:
             maps = Maps.standing(maps.centres)
-        found_px = self._located(current, maps, self._config.search)
-        lost = np.isnan(found_px).any(axis=1)
-        if self._config.expand and lost.any():
-            found_px[lost] = self._located(current, maps, 2 * self._config.search - 1, lost)
-        return self._judged(current, Maps(found_px, maps.shape))
+        found_px = self._located(current, maps, self._config.search, chosen)
+        lost = np.flatnonzero(np.isnan(found_px[:, 0]))
+        if self._config.expand and len(lost):
+            found_px[lost] = self._located(current, maps[lost], 2 * self._config.search - 1, chosen[lost])
+        return self._judged(current, Maps(found_px, maps.shape), chosen)
 
-    def _located(self, current: Gray, maps: Maps, search: int, chosen: BoolArray | None = None) -> FloatArray:
+    def _located(self, current: Gray, maps: Maps, search: int, chosen: IdArray) -> FloatArray:
         """(n, 2) px: where the chosen points are in the current frame; NaN where they are not found."""
-        chosen = np.ones(len(self.reference_px), bool) if chosen is None else chosen
-        maps, start = maps[chosen], maps[chosen].whole_pixels()
+        start = maps.whole_pixels()
         scores = ssim_maps(self._kernels(maps, chosen), sample(current, start, search), self._config.window)
         peaks = _peaks.highest(scores)
         near = peaks.around(scores, self._config.subpixel)
@@ -102,7 +112,7 @@ class Ssim:
         found_px = start.centres + lag_px + _peaks.gaussian_fit(near) - miss_px
         return np.where((peaks.height >= self._config.min_score)[:, None], found_px, np.nan)
 
-    def _kernels(self, maps: Maps, chosen: BoolArray) -> FloatArray:
+    def _kernels(self, maps: Maps, chosen: IdArray) -> FloatArray:
         """(n, area, area) the chosen kernels as they should look in the current frame."""
         if not self._config.update_kernels:
             return self._template[chosen]
@@ -110,11 +120,12 @@ class Ssim:
         shape = np.linalg.inv(np.where(flat[:, None, None], np.eye(2), maps.shape))
         return sample(self._reference, Maps(self.reference_px[chosen], shape), self._config.area)
 
-    def _judged(self, current: Gray, found: Maps) -> Correspondences:
-        """What was found, with the information its likeness to the reference leaves it."""
-        kept = np.flatnonzero(found.inside(current, self._config.area))
-        areas = sample(current, found[kept], self._config.area)
-        alike = _agreement.correlation(self._template[kept], areas)
+    def _judged(self, current: Gray, found: Maps, chosen: IdArray) -> Correspondences:
+        """What was found of the chosen points, with the information its likeness to the reference leaves it."""
+        inside = found.inside(current, self._config.area)
+        found, kept = found[inside], chosen[inside]
+        template = self._template[kept]
+        alike = _agreement.correlation(template, sample(current, found, self._config.area))
         peak_px = np.full(len(kept), _PEAK_PX)
-        information = _agreement.information(self._template[kept], alike, self._structure[kept], _EXCESS, peak_px)
-        return Correspondences(kept, self.reference_px[kept], found.centres[kept], information)
+        information = _agreement.information(template, alike, self._structure[kept], _EXCESS, peak_px)
+        return Correspondences(kept, self.reference_px[kept], found.centres, information)
