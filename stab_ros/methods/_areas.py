@@ -65,7 +65,7 @@ class Maps:
 
 def sample(image: Image, maps: Maps, side: int) -> FloatArray:
     """(N, side, side) float32: the areas, by cubic convolution (Keys 1981); beyond the picture its edge goes on."""
-    sane: BoolArray = np.isfinite(maps.centres.sum(axis=1) + maps.shape.sum(axis=(1, 2)))
+    sane = np.asarray(np.isfinite(maps.centres).all(axis=1) & np.isfinite(maps.shape).all(axis=(1, 2)))
     values = np.zeros((len(maps.centres), side, side), np.float32)
     _sample(image, np.where(sane[:, None], maps.centres, 0.0), np.where(sane[:, None, None], maps.shape, 0.0), values)
     return values

@@ -85,9 +85,10 @@ def gaussian_fit(near: FloatArray) -> FloatArray:
     design = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
     unknown = ~np.isfinite(near.sum(axis=(1, 2)))
     scores = np.where(unknown[:, None, None], 1.0, near)
-    weight = (np.maximum(scores, 0) / scores[:, reach, reach][:, None, None]).reshape(len(near), -1) ** 2
+    share = np.maximum(scores, 0) / scores[:, reach, reach][:, None, None]
+    weight = share.reshape(len(near), design.shape[0]) ** 2
     normal = np.einsum("np,pa,pb->nab", weight, design, design) + 1e-9 * np.eye(6)
-    right = np.einsum("np,pa,np->na", weight, design, _logarithm(scores).reshape(len(near), -1))
+    right = np.einsum("np,pa,np->na", weight, design, _logarithm(scores).reshape(weight.shape))
     _, bx, by, xx, xy, yy = np.linalg.solve(normal, right[:, :, None])[:, :, 0].T
     determinant = np.where((xx < 0) & (4 * xx * yy > xy**2), 4 * xx * yy - xy**2, np.nan)
     step = np.stack([xy * by - 2 * yy * bx, xy * bx - 2 * xx * by], axis=1) / determinant[:, None]

@@ -69,7 +69,7 @@ def _step(image: Image, patterns: FloatArray, maps: Maps, free: IdArray) -> tupl
     usable = (along > 0) & (power > 0)
     gain = np.divide(along, variation, out=np.zeros_like(along), where=usable)[:, None, None]
     steepest = _descent((patterns + gain * seen) / 2, pattern, power, free)
-    residual = (pattern - gain * there).reshape(len(pattern), -1)
+    residual = (pattern - gain * there).reshape(len(pattern), pattern[0].size)
     normal = np.einsum("nap,nbp->nab", steepest, steepest)
     largest = normal.max(axis=(1, 2), initial=0.0)
     covariance = np.linalg.inv(normal + (1e-6 * largest + 1e-9)[:, None, None] * np.eye(len(free)))

@@ -52,7 +52,7 @@ class FftConfig(Checked):
     layout: str = setting("even", "where points lie, if none are given: evenly, or one near each corner",
                           choices=("even", "corners"))
     passes: str = setting("48,32,32", "sides of the areas of each pass, px, even numbers: 32,16")
-    steps: str = setting("", "spacing of the vectors of each pass, px: 16,8; empty: half the areas")
+    steps: str = setting("", "spacing of the 3x3 vectors of each pass but the last, px: 16,8; empty: half the areas")
     follow: bool = setting(True, "areas follow the predicted motion; else they stay")
     second_look: bool = setting(True, "points that are not found are looked for where the others say they are")
     min_correlation: float = setting(0.5, "an area that looks less like the reference is left out", 0.1, 0.99)
@@ -124,10 +124,12 @@ class Fft:
                  points_px: FloatArray = NO_POINTS) -> None:
         """reference: (h, w) uint8. allowed: (h, w) bool, where points may be chosen. points_px: (n, 2), or none.
 
-        Given points whose first area does not fit into the picture are left out.
+        Given points whose largest area does not fit into the picture are left out; in small pictures no area is wider
+        than a third of the shorter side.
         """
-        self._config, sides = config, config.sides_px
-        centres = self._places(reference, allowed, points_px)
+        self._config = config
+        sides = tuple(min(side, _largest_px(reference)) for side in config.sides_px)
+        centres = self._places(reference, allowed, points_px, max(sides), sides[-1])
         self.reference_px: FloatArray = centres[Maps.standing(centres).inside(reference, max(sides))]
         offsets = [step * _GRID for step in config.steps_px[:-1]] + [np.zeros((1, 2))]
         self._passes = [Pass.of(reference, self.reference_px, side, at)
@@ -135,8 +137,9 @@ class Fft:
         self._template = sample(reference, Maps.standing(self.reference_px), sides[-1])
         self._structure = _agreement.structure(self._template)
 
-    def _places(self, reference: Gray, allowed: BoolArray, points_px: FloatArray) -> FloatArray:
-        config, largest, last = self._config, max(self._config.sides_px), self._config.sides_px[-1]
+    def _places(self, reference: Gray, allowed: BoolArray, points_px: FloatArray, largest: int,
+                last: int) -> FloatArray:
+        config = self._config
         if len(points_px):
             return _places.manual(points_px, largest)
         if config.layout == "corners":
@@ -183,6 +186,11 @@ class Fft:
         information = _agreement.information(self._template[kept], alike[good], self._structure[kept], _EXCESS,
                                              peak_px[good])
         return Correspondences(kept, self.reference_px[kept], maps.centres[good], information)
+
+
+def _largest_px(gray: Gray) -> int:
+    """An even third of the picture's shorter side, but no less than the smallest area."""
+    return max(2 * (int(min(gray.shape)) // 6), _SIDES[0])
 
 
 def _cut(gray: Gray, maps: Maps, side: int, offsets: FloatArray) -> FloatArray:
