@@ -116,18 +116,17 @@ def best_place(patterns: FloatArray, areas: FloatArray) -> tuple[IdArray, BoolAr
     """
     n, lags = len(patterns), areas.shape[1] - patterns.shape[1] + 1
     scores = np.zeros((n, lags, lags), np.float32)
-    _absolute_differences(patterns, areas, scores)
+    _absolute_differences(patterns, patterns.mean(axis=(1, 2)), areas, scores)
     y, x = np.divmod(scores.reshape(n, lags**2).argmin(axis=1), lags)
     lag = np.stack([x, y], axis=1) - lags // 2
     return lag, np.asarray(np.abs(lag).max(axis=1, initial=0) < max(lags // 2, 1))
 
 
 @kernel(fastmath=True)
-def _absolute_differences(patterns: FloatArray, areas: FloatArray, scores: FloatArray) -> None:
+def _absolute_differences(patterns: FloatArray, means: FloatArray, areas: FloatArray, scores: FloatArray) -> None:
     n, lags, _ = scores.shape
     side = patterns.shape[1]
     for i in range(n):
-        mean = patterns[i].mean()
         for dy in range(lags):
             for dx in range(lags):
                 total, difference = np.float32(0), np.float32(0)
@@ -135,7 +134,7 @@ def _absolute_differences(patterns: FloatArray, areas: FloatArray, scores: Float
                     line = areas[i, row + dy, dx : dx + side]
                     for column in range(side):
                         total += line[column]
-                offset = np.float32(total / (side * side) - mean)
+                offset = total / np.float32(side * side) - means[i]
                 for row in range(side):
                     line, ahead = areas[i, row + dy, dx : dx + side], patterns[i, row]
                     for column in range(side):
