@@ -13,7 +13,7 @@ from stab_ros.core.errors import ConfigError
 from stab_ros.core.geometry import apply
 from stab_ros.core.types import NO_POINTS, Correspondences, FloatArray, Gray, Homography
 from stab_ros.methods._areas import Maps
-from stab_ros.methods.fft import Fft, FftConfig, Pass
+from stab_ros.methods.fft import Fft, FftConfig, Pass, _field
 
 EVERYWHERE = np.ones(SIZE[::-1], bool)
 POINTS = np.array([[80.0, 60.0], [310.4, 71.8], [95.0, 230.0], [300.0, 220.0], [200.0, 150.0]])
@@ -157,3 +157,15 @@ def test_a_point_found_once_is_found_the_same_again() -> None:
     method.match(picture(translation(20, 3)), translation(19, 3), trust)
     again = method.match(picture(projective()), IDENTITY, trust)
     np.testing.assert_array_equal(first.current_px, again.current_px)
+
+
+def test_a_vector_that_disagrees_does_not_bend_the_field() -> None:
+    offsets = 8.0 * np.array([[x, y] for y in (-1, 0, 1) for x in (-1, 0, 1)])
+    gradient = np.array([[0.01, -0.05], [0.05, 0.01]])
+    shift = np.tile(offsets @ gradient.T + [1.5, -0.5], (3, 1, 1))
+    shift[1, 2] = [-6.0, 3.0]
+    shift[2, :5], shift[2, 6:] = np.nan, np.nan
+    displacement, bent = _field(shift, offsets)
+    np.testing.assert_allclose(displacement[:2], [[1.5, -0.5]] * 2, atol=1e-6)
+    np.testing.assert_allclose(bent[:2], [gradient] * 2, atol=1e-6)
+    np.testing.assert_array_equal(bent[2], np.zeros((2, 2)))

@@ -54,7 +54,7 @@ def test_the_highest_peak_and_the_second() -> None:
     maps[1, 0, 29] = 0.7
     peaks = _peaks.highest(maps)
     assert (peaks.row.tolist(), peaks.column.tolist(), peaks.height.tolist()) == ([5, 0], [7, 29], [1.0, 0.7])
-    np.testing.assert_array_equal(peaks.ratio, [2.0, np.inf])
+    np.testing.assert_array_equal(_peaks.ratio(maps, peaks), [2.0, np.inf])
     near = peaks.around(maps, 3)
     np.testing.assert_array_equal(near[0], maps[0, 4:7, 6:9])
     assert np.isnan(near[1]).sum() == 5

@@ -76,7 +76,7 @@ def _sample(image: Image, centres: FloatArray, shape: FloatArray, values: FloatA
     height, width = image.shape
     n, side, _ = values.shape
     middle = (side - 1) / 2
-    wx, wy = np.empty(4, np.float32), np.empty(4, np.float32)
+    near, wx, wy = np.empty((4, 4), np.float32), np.empty(4, np.float32), np.empty(4, np.float32)
     for i in range(n):
         for row in range(side):
             for column in range(side):
@@ -84,16 +84,17 @@ def _sample(image: Image, centres: FloatArray, shape: FloatArray, values: FloatA
                 x = min(max(centres[i, 0] + shape[i, 0, 0] * u + shape[i, 0, 1] * v, 0.0), width - 1.0)
                 y = min(max(centres[i, 1] + shape[i, 1, 0] * u + shape[i, 1, 1] * v, 0.0), height - 1.0)
                 left, top = int(x), int(y)
-                for weights, f in ((wx, np.float32(x - left)), (wy, np.float32(y - top))):
+                for weights, f in ((wx, x - left), (wy, y - top)):
                     weights[0] = ((-0.5 * f + 1.0) * f - 0.5) * f
                     weights[1] = (1.5 * f - 2.5) * f * f + 1.0
                     weights[2] = ((-1.5 * f + 2.0) * f + 0.5) * f
                     weights[3] = (0.5 * f - 0.5) * f * f
+                within = 1 <= left < width - 2 and 1 <= top < height - 2
+                for a in range(4):
+                    line = top - 1 + a if within else min(max(top - 1 + a, 0), height - 1)
+                    for b in range(4):
+                        near[a, b] = image[line, left - 1 + b if within else min(max(left - 1 + b, 0), width - 1)]
                 total = np.float32(0)
                 for a in range(4):
-                    line = min(max(top - 1 + a, 0), height - 1)
-                    along = np.float32(0)
-                    for b in range(4):
-                        along += wx[b] * image[line, min(max(left - 1 + b, 0), width - 1)]
-                    total += wy[a] * along
+                    total += wy[a] * (wx[0] * near[a, 0] + wx[1] * near[a, 1] + wx[2] * near[a, 2] + wx[3] * near[a, 3])
                 values[i, row, column] = total

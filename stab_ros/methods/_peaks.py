@@ -15,14 +15,12 @@ _LEAST = 0.01  # of the peak: lower scores have no logarithm to speak of
 class Peaks:
     """The highest score of each of N maps.
 
-    row, column: (N,) whole px. height: (N,) the score. ratio: (N,) height over that of the second highest peak, which
-    is a score that exceeds its eight neighbours; infinite where there is none above zero.
+    row, column: (N,) whole px. height: (N,) the score.
     """
 
     row: IdArray
     column: IdArray
     height: FloatArray
-    ratio: FloatArray
 
     def around(self, maps: FloatArray, side: int) -> FloatArray:
         """(N, side, side) scores about each peak; what would lie outside the map is NaN."""
@@ -37,14 +35,20 @@ def highest(maps: FloatArray) -> Peaks:
     """The peaks of `maps`, (N, h, w)."""
     n, height, width = maps.shape
     flat = maps.reshape(n, height * width)
-    best, each = flat.argmax(axis=1), np.arange(n)
-    top = flat[each, best]
-    others = np.where(_is_peak(maps).reshape(flat.shape), flat, 0.0)
-    others[each, best] = 0.0
-    second = others.max(axis=1)
-    ratio = np.divide(top, second, out=np.full(n, np.inf), where=second > 0)
+    best = flat.argmax(axis=1)
     row, column = np.divmod(best, width)
-    return Peaks(row, column, top, ratio)
+    return Peaks(row, column, flat[np.arange(n), best])
+
+
+def ratio(maps: FloatArray, peaks: Peaks) -> FloatArray:
+    """(N,) height of the peak over that of the second highest of `maps`, (N, h, w); infinite where none is above zero.
+
+    A peak is a score below none of its eight neighbours.
+    """
+    others = np.where(_is_peak(maps), maps, 0.0)
+    others[np.arange(len(maps)), peaks.row, peaks.column] = 0.0
+    second = others.max(axis=(1, 2))
+    return np.asarray(np.divide(peaks.height, second, out=np.full(len(maps), np.inf), where=second > 0))
 
 
 def _is_peak(maps: FloatArray) -> BoolArray:

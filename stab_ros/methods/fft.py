@@ -35,6 +35,7 @@ from stab_ros.methods._second_look import looked_for_twice
 _GRID = np.array([[x, y] for y in (-1, 0, 1) for x in (-1, 0, 1)])
 _CENTRE = 4
 _FIELD_VECTORS = 6  # of the 9: with fewer, the areas are only shifted
+_MEDIAN_TEST, _MEDIAN_TEST_PX = 2.0, 0.1
 _CLEAR_OF = 3  # later passes look for the peak within one over this of the area
 # Errors of the points on the synthetic flights, beside the Cramer-Rao bound: those of the sub-pixel peak, and a share
 # of the last pass's correction, as far as it is below half a pixel. So a chi-square per degree of freedom is about 1.
@@ -173,7 +174,9 @@ class Fft:
         low, high = side // 2 - reach, side // 2 + reach
         near = planes.reshape(n * k, side, side)[:, low:high, low:high]
         peaks = _peaks.highest(near)
-        clear = (peaks.height > 0) & (peaks.ratio >= self._config.min_peak_ratio)
+        clear = peaks.height > 0
+        if self._config.min_peak_ratio > 1:
+            clear &= _peaks.ratio(near, peaks) >= self._config.min_peak_ratio
         lag_px = np.stack([peaks.column, peaks.row], axis=1) - reach
         middle = np.where(clear[:, None, None], peaks.around(near, 3) / _overlap(lag_px, side), np.nan)
         return np.asarray((lag_px + _peaks.gaussian_2x3(middle)).reshape(n, k, 2))
@@ -222,9 +225,9 @@ def _power(areas: FloatArray) -> FloatArray:
 def _field(shift: FloatArray, offsets: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Displacement (N, 2) px at the point and its gradient (N, 2, 2), from vectors (N, k, 2) at offsets (k, 2).
 
-    Where too few of the vectors are known, that of the point itself, and no gradient.
+    Where too few of the vectors are known and agree, that of the point itself, and no gradient.
     """
-    known = np.isfinite(shift).all(axis=2)
+    known = _agreeing(shift)
     middle = np.nan_to_num(shift[:, len(offsets) // 2])
     enough = known.sum(axis=1) >= _FIELD_VECTORS
     design = np.column_stack([np.ones(len(offsets)), offsets])
@@ -233,3 +236,13 @@ def _field(shift: FloatArray, offsets: FloatArray) -> tuple[FloatArray, FloatArr
     right = np.einsum("nk,ka,nkd->nad", weight, design, np.nan_to_num(shift))
     plane = np.linalg.solve(normal, right)
     return np.where(enough[:, None], plane[:, 0], middle), np.swapaxes(plane[:, 1:], 1, 2)
+
+
+def _agreeing(shift: FloatArray) -> BoolArray:
+    """(N, k) bool: the known vectors that are not off by the normalised median test (Westerweel and Scarano 2005)."""
+    known: BoolArray = np.isfinite(shift.sum(axis=2))
+    vectors = np.where(known[:, :, None], shift, np.nan)
+    vectors[~known.any(axis=1)] = 0.0
+    off = np.linalg.norm(vectors - np.nanmedian(vectors, axis=1)[:, None], axis=2)
+    limit = _MEDIAN_TEST * (np.nanmedian(off, axis=1)[:, None] + _MEDIAN_TEST_PX)
+    return np.asarray(known & (off <= limit))  # NaN compares false
