@@ -6,7 +6,10 @@ from typing import Any, ClassVar, Protocol
 
 from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography
 from stab_ros.methods.direct import Direct
+from stab_ros.methods.fft import Fft
 from stab_ros.methods.klt import Klt
+from stab_ros.methods.region import Region
+from stab_ros.methods.ssim import Ssim
 
 
 class Method(Protocol):
@@ -32,4 +35,4 @@ class Method(Protocol):
         """
 
 
-METHODS: dict[str, type[Method]] = {"direct": Direct, "klt": Klt}
+METHODS: dict[str, type[Method]] = {"direct": Direct, "klt": Klt, "fft": Fft, "ssim": Ssim, "region": Region}
