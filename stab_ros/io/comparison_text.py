@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -39,6 +40,12 @@ _COLUMNS = (
     Column("inliers", "median", ("inliers",)),
 )
 _FRAMES = (Column("tracked", "frames", ("tracked",)), Column("lost", "frames", ("lost",)))
+
+
+def heads(of: Sequence[Column]) -> list[tuple[str, int]]:
+    """The heads, and over how many columns each reaches: those after it without one are its own."""
+    starts = [index for index, column in enumerate(of) if column.head]
+    return [(of[start].head, end - start) for start, end in itertools.pairwise([*starts, len(of)])]
 
 
 def columns(has_truth: bool) -> Sequence[Column]:

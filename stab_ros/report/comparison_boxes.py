@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from stab_ros.io.comparison import Comparison, MethodResult
 from stab_ros.io.comparison_files import method_json
 from stab_ros.metrics.statistics import Summary
-from stab_ros.report.panel import PREVIOUS_COLOR, REFERENCE_COLOR, Panel, drawn, label, new_axes, shortened
+from stab_ros.report.panel import PREVIOUS_COLOR, REFERENCE_COLOR, Panel, drawn, label, logarithmic, new_axes, shortened
 
 _RAW_COLOR = "#a0a0a0"
 _ROW_IN = 0.3
@@ -43,7 +43,7 @@ def _boxes(title: str, what: str, results: Sequence[MethodResult], of: Callable[
     figure, axes = _rows([name for name, _ in rows])
     for at, (name, summary) in enumerate(rows):
         _draw(axes, at, summary, _RAW_COLOR if name == results[0].name else color)
-    log = _scale(axes, [value for _, one in rows for value in (one.median, one.q1, one.max)])
+    log = _scale(axes, [value for _, one in rows for value in (max(one.whisker_low, one.q1 / 3), one.max)])
     label(axes, f"{what}, px", "")
     return drawn(figure, title, f"{_BOX} Grey: the raw frames.{_LOG if log else ''}",
                  f"Box plots of the {what} in pixels, one for each method.")
@@ -71,8 +71,7 @@ def _scale(axes: Axes, values: Sequence[float]) -> bool:
     """From zero, or logarithmic where that would hide the small ones; whether it is."""
     known = [value for value in values if value > 0]
     if known and max(known) > _WIDE * min(known):
-        axes.set_xscale("log")
-        axes.set_xlim(0.6 * min(known), 1.6 * max(known))
+        logarithmic(axes, "x", 0.6 * min(known), 1.6 * max(known))
         return True
     axes.set_xlim(left=0)
     return False

@@ -71,7 +71,7 @@ def _pair(worst: _Worst, frame: Frame, job: ComparisonJob, camera: Camera | None
     place = worst_place(evaluation, evaluation.rows[worst.number])
     config = stabilizer_config(job.run_of(worst.result.name).values)
     steady = warp(frame.image, H, frame.size, config.interpolation, camera)
-    title = f"{worst.result.name}: worst frame, {worst.number}"
+    title = f"{worst.result.name}: worst frame ({worst.number})"
     told = Markup(worst.said).format(numbers("methods", worst.result.name, "per_frame", worst.number, worst.measure))
     yield part(Pair(title, reference, _gray(steady, frame, scale), *place), told)
     yield part(Pair(f"{worst.result.name}: the same frame, raw", reference, to_gray(frame, scale), *place))

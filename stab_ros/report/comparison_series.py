@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from stab_ros.core.frame_metrics import FrameMetrics
 from stab_ros.io.comparison import Comparison, MethodResult, Passage
 from stab_ros.io.comparison_files import frames_of
-from stab_ros.report.panel import LOST_COLOR, Panel, drawn, label, legend, new_axes
+from stab_ros.report.panel import LOST_COLOR, Panel, drawn, label, legend, logarithmic, new_axes
 
 _COLORS = ("#1f6fb2", "#e08214", "#3b8a4d", "#8a4d9e", "#b5446e", "#6b6b6b")  # as many lines can be told apart
 _WIDE = 20.0  # ratio of the largest value to the smallest, from which the axis is logarithmic
@@ -89,8 +89,7 @@ def _scale(axes: Axes, known: Sequence[float]) -> bool:
     """The same for all methods; whether it is logarithmic."""
     above = [value for value in known if value > 0]
     if above and max(above) > _WIDE * min(above):
-        axes.set_yscale("log")
-        axes.set_ylim(0.7 * min(above), 1.4 * max(above))
+        logarithmic(axes, "y", 0.7 * min(above), 1.4 * max(above))
         return True
     axes.set_ylim(0, 1.08 * max(above, default=1.0))
     return False

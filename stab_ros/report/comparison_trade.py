@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from stab_ros.io.comparison import Comparison
 from stab_ros.io.comparison_files import method_json
-from stab_ros.report.panel import REFERENCE_COLOR, Panel, drawn, label, new_axes, shortened
+from stab_ros.report.panel import REFERENCE_COLOR, Panel, drawn, label, logarithmic, new_axes, shortened
 
 _NAME_IN = 0.19  # height of a name in the list beside the axes
 
@@ -28,11 +28,10 @@ def trade_panel(comparison: Comparison) -> Panel:
     if not points:
         return Panel(title, "No method has both a time and an accuracy, so there is nothing to draw.")
     figure, axes = new_axes(max(3.8, 1.0 + _NAME_IN * len(points)))
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.plot([one.seconds for one in points], [one.px for one in points], "o", color=REFERENCE_COLOR, markersize=6)
-    axes.set_xlim(0.7 * min(one.seconds for one in points), 1.4 * max(one.seconds for one in points))
-    axes.set_ylim(0.8 * points[0].px, 1.25 * points[-1].px)
+    seconds = [one.seconds for one in points]
+    axes.plot(seconds, [one.px for one in points], "o", color=REFERENCE_COLOR, markersize=6)
+    logarithmic(axes, "x", 0.7 * min(seconds), 1.4 * max(seconds))
+    logarithmic(axes, "y", 0.8 * points[0].px, 1.25 * points[-1].px)
     _name(axes, points)
     label(axes, "time for a frame, s", f"median {what}, px")
     return drawn(figure, title, f"Median time for a frame and median {what} of each method: lower is more exact, "
