@@ -256,7 +256,7 @@ def test_lost_frames_are_counted_and_left_out(command: Command, tmp_path: Path) 
         assert method["displacement_reference_px"]["count"] == 3
         assert [row["status"] for row in method["per_frame"]] == ["TRACKED", "TRACKED", "LOST", "TRACKED", "TRACKED"]
     page = Page(tmp_path / "report" / "index.html")
-    assert "Red ticks at the bottom" in page.text
+    assert "Ticks at the bottom, in the colour of the method" in page.text
     assert "Lost frames:" in page.text
     assert "warning" not in said
 

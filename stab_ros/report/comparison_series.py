@@ -11,11 +11,13 @@ from matplotlib.axes import Axes
 from stab_ros.core.frame_metrics import FrameMetrics
 from stab_ros.io.comparison import Comparison, MethodResult, Passage
 from stab_ros.io.comparison_files import frames_of
-from stab_ros.report.panel import LOST_COLOR, Panel, drawn, label, legend, logarithmic, new_axes
+from stab_ros.report.panel import Panel, drawn, label, legend, logarithmic, new_axes
 
 _COLORS = ("#1f6fb2", "#e08214", "#3b8a4d", "#8a4d9e", "#b5446e", "#6b6b6b")  # as many lines can be told apart
 _WIDE = 20.0  # ratio of the largest value to the smallest, from which the axis is logarithmic
 _LEGEND_IN = 0.2
+_TICK = 0.035  # height of a row of ticks, of the axes
+_LOST = " Ticks at the bottom, in the colour of the method: frames that it has lost."
 _SPARSE = 60  # values up to which each has its mark
 Value = Callable[[Passage, FrameMetrics | None], float | None]
 
@@ -53,9 +55,10 @@ def _panels(comparison: Comparison, title: str, what: str, value: Value) -> Iter
     if not known:
         yield Panel(title, "No frame could be measured, so there is nothing to draw.")
         return
-    groups = [lines[at : at + len(_COLORS)] for at in range(0, len(lines), len(_COLORS))]
-    for number, group in enumerate(groups, 1):
-        part = f" ({number} of {len(groups)})" if len(groups) > 1 else ""
+    figures = -(-len(lines) // len(_COLORS))
+    for number in range(figures):
+        group = lines[number * len(lines) // figures : (number + 1) * len(lines) // figures]
+        part = f" ({number + 1} of {figures})" if figures > 1 else ""
         yield _panel(title + part, what, group, known)
 
 
@@ -74,15 +77,20 @@ def _panel(title: str, what: str, lines: Sequence[_Line], known: Sequence[float]
         axes.plot(line.seconds, line.values, color=color, linewidth=1.3, label=line.name, markersize=4,
                   marker="." if len(line.known) <= _SPARSE else "")
     log = _scale(axes, known)
-    lost = sorted({at for line in lines for at in line.lost})
-    if lost:
-        axes.plot(lost, [0.0] * len(lost), "|", color=LOST_COLOR, markersize=10, markeredgewidth=2,
-                  transform=axes.get_xaxis_transform(), clip_on=False)
+    _mark_lost(axes, lines)
     label(axes, "time since the first frame, s", f"{what}, px")
     legend(axes)
     caption = (f"The {what} of every frame.{' The axis is logarithmic.' if log else ''}"
-               f"{' Red ticks at the bottom: a method has lost the frame.' if lost else ''}")
+               f"{_LOST if any(line.lost for line in lines) else ''}")
     return drawn(figure, title, caption, f"{title}: {what} in pixels over time in seconds, a line for each method.")
+
+
+def _mark_lost(axes: Axes, lines: Sequence[_Line]) -> None:
+    """A row of ticks for each method that has lost frames."""
+    losers = [(line, color) for line, color in zip(lines, _COLORS, strict=False) if line.lost]
+    for row, (line, color) in enumerate(losers):
+        axes.plot(line.lost, [0.02 + _TICK * row] * len(line.lost), "|", color=color, markersize=7, markeredgewidth=1.5,
+                  transform=axes.get_xaxis_transform())
 
 
 def _scale(axes: Axes, known: Sequence[float]) -> bool:

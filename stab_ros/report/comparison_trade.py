@@ -53,16 +53,19 @@ def _name(axes: Axes, points: Sequence[_Point]) -> None:
     for one, height in zip(points, heights, strict=True):
         axes.annotate(shortened(one.name), (one.seconds, one.px), xytext=(1.04, height), textcoords="axes fraction",
                       va="center", ha="left", fontsize=9.5, annotation_clip=False,
-                      arrowprops={"arrowstyle": "-", "color": "#9aa4ae", "linewidth": 0.7, "shrinkB": 3})
+                      arrowprops={"arrowstyle": "-", "color": "#9aa4ae", "linewidth": 0.7, "relpos": (0.0, 0.5),
+                                  "shrinkA": 2, "shrinkB": 3})
 
 
 def _apart(heights: Sequence[float], gap: float) -> list[float]:
-    """Rising heights within [0, 1], moved as little as keeps them `gap` apart."""
-    placed: list[float] = []
-    for height in heights:
-        placed.append(max(height, placed[-1] + gap) if placed else max(height, 0.02))
-    ceiling = 1.0
-    for at in range(len(placed) - 1, -1, -1):
-        placed[at] = min(placed[at], ceiling)
-        ceiling = placed[at] - gap
-    return placed
+    """Rising heights within [0, 1], moved as little as keeps them `gap` apart (pool adjacent violators)."""
+    pools: list[tuple[float, int]] = []  # mean and count of neighbours that stand together
+    for index, height in enumerate(heights):
+        mean, count = height - index * gap, 1
+        while pools and pools[-1][0] > mean:
+            before, many = pools.pop()
+            mean, count = (before * many + mean * count) / (many + count), many + count
+        pools.append((mean, count))
+    highest = 1.0 - (len(heights) - 1) * gap
+    bases = [min(max(mean, 0.0), highest) for mean, count in pools for _ in range(count)]
+    return [base + index * gap for index, base in enumerate(bases)]
