@@ -163,7 +163,8 @@ def test_parameters_apply_to_all_methods_and_to_the_judge(bag: Path, command: Co
     points = tmp_path / "points.csv"
     points.write_text("name,x,y\nrock,100,60\n", encoding="utf-8")
     found, _ = compared(command, bag, "--methods", ",".join(METHODS), "--config", config, "--truth",
-                        bag.parent / "truth.csv", "--points", points, "-p", "rmse_every:=1", "-p", "max_sigma:=100.0", "-p", "threshold:=10.0")
+                        bag.parent / "truth.csv", "--points", points, "-p", "rmse_every:=1",
+                        "-p", "max_sigma:=100.0", "-p", "threshold:=10.0")
     for method in found["methods"].values():
         assert method["error_px"]["median"] > 0.2, "a translation is too little"
         assert method["points_used"]["max"] <= 1
