@@ -11,15 +11,19 @@ import os
 import shutil
 import signal
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stab_ros import __version__
 from stab_ros.core.errors import InputError, StabRosError
 from stab_ros.io.text import one_line
-from stab_ros.options import Parser, assignment, positive_float, positive_int, seconds
+from stab_ros.options import Parser, assignment, names, positive_float, positive_int, seconds
+
+if TYPE_CHECKING:
+    from stab_ros.io.comparison import ComparisonJob
+    from stab_ros.io.result_outputs import ResultOutputs
 
 DONE, BROKEN_OFF, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 _STDERR = 2
@@ -54,6 +58,7 @@ def _parser() -> Parser:
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
     _add_stabilize(commands)
     _add_evaluate(commands)
+    _add_compare(commands)
     _add_convert(commands)
     _add_play(commands)
     _add_record(commands)
@@ -133,23 +138,97 @@ def _evaluate(options: argparse.Namespace) -> int:
     from stab_ros.core.parameters import EVALUATOR_PARAMETERS, checked_values
     from stab_ros.io.engine import EVALUATOR, read_config
     from stab_ros.io.evaluation import EvaluationJob, evaluate
-    from stab_ros.io.evaluation_outputs import EvaluationOutputs
+    from stab_ros.io.evaluation_outputs import writers_of
     from stab_ros.io.evaluation_text import as_text
+    from stab_ros.io.result_outputs import ResultOutputs
 
     values = read_config(options.config, EVALUATOR) if options.config else {}
     values |= checked_values(dict(options.parameters), EVALUATOR_PARAMETERS)
     values |= {"points_file": str(options.points)} if options.points else {}
     job = EvaluationJob(options.bag, values, tuple(options.image_topics), options.limit, options.fps)
-    outputs = EvaluationOutputs(options.json, options.csv, options.report)
+    outputs = ResultOutputs(options.json, options.csv, options.report)
     outputs.check(job.source, options.force)
     with _quiet_libraries(), _progress("frames") as progress:
         evaluation = evaluate(job, progress)
     _warn(evaluation.warnings)
     print(as_text(evaluation))
     with _quiet_libraries(), _progress("frames") as progress:
-        made = outputs.write(evaluation, job, progress)
-    for name, path in made.items():
-        print(f"{name + ':':8} {path}")
+        made = outputs.write(writers_of(evaluation, job, progress))
+    _tell_made(made)
+    return DONE
+
+
+def _add_compare(commands: Any) -> None:
+    parser = _command(commands, "compare", "run methods and presets over the same frames, and judge them side by side")
+    parser.add_argument("input", type=Path, metavar="INPUT", help=_INPUT)
+    parser.add_argument("--methods", type=names, metavar="a,b,...", help="methods and presets (default: all)")
+    parser.add_argument("--truth", type=Path, metavar="H.csv",
+                        help="the true homographies, frame by frame: tells the error of each method")
+    parser.add_argument("--json", type=Path, metavar="J.json", help="write all figures as JSON")
+    parser.add_argument("--csv", type=Path, metavar="M.csv", help="write a table with a row for each frame and method")
+    parser.add_argument("--report", type=Path, metavar="DIR", help="write a report to look at, DIR/index.html")
+    parser.add_argument("--points", type=Path, metavar="P.csv",
+                        help="verification points in reference px, as name,x,y (default: chosen in the reference)")
+    parser.add_argument("--study", choices=("models", "estimators"),
+                        help="instead: the table of transformation models or of estimators of Zhang et al. 2023")
+    parser.add_argument("--image-topic", metavar="T", help="which images, where a bag has several topics of them")
+    parser.add_argument("--config", type=Path, metavar="FILE.yaml",
+                        help="a ROS parameter file with parameters of the tracker")
+    parser.add_argument("-p", dest="parameters", type=assignment, action="append", default=[], metavar="name:=value",
+                        help="a parameter of all trackers, or of the evaluator; may be repeated, overrides --config")
+    parser.add_argument("--limit", type=positive_int, metavar="N", help="stop after N frames")
+    parser.add_argument("--fps", type=positive_float, metavar="F", help="frame rate of a video or folder")
+    _add_force(parser)
+    parser.set_defaults(run=_compare)
+
+
+def _compare(options: argparse.Namespace) -> int:
+    from stab_ros.io.comparison import ComparisonJob, checked_methods, shared_values
+    from stab_ros.io.comparison_study import study_method
+    from stab_ros.io.engine import read_config
+    from stab_ros.io.result_outputs import ResultOutputs
+
+    methods = (study_method(options.methods),) if options.study else checked_methods(options.methods)
+    given, parameters = read_config(options.config) if options.config else {}, dict(options.parameters)
+    if "method" in parameters:
+        raise InputError("-p method: a comparison is over several, name them with --methods a,b")
+    values, judging = shared_values({**given, **parameters})
+    judging |= {"points_file": str(options.points)} if options.points else {}
+    job = ComparisonJob(options.input, methods, values, judging, options.truth, options.image_topic, options.limit,
+                        options.fps)
+    outputs = ResultOutputs(options.json, options.csv, options.report)
+    outputs.check(job.source, options.force)
+    if options.study:
+        return _study(options.study, job, outputs)
+    return _compare_methods(job, outputs)
+
+
+def _compare_methods(job: ComparisonJob, outputs: ResultOutputs) -> int:
+    from stab_ros.io.comparison import compare
+    from stab_ros.io.comparison_outputs import writers_of
+    from stab_ros.io.comparison_text import as_text
+
+    with _quiet_libraries(), _progress("frames") as progress:
+        comparison = compare(job, progress)
+    _warn(comparison.warnings)
+    print(as_text(comparison))
+    with _quiet_libraries(), _progress("frames") as progress:
+        made = outputs.write(writers_of(comparison, job, progress))
+    _tell_made(made)
+    return DONE
+
+
+def _study(kind: str, job: ComparisonJob, outputs: ResultOutputs) -> int:
+    from stab_ros.io.comparison_study import check_outputs, run_study, study_text, write_study
+
+    check_outputs(job, outputs)
+    with _quiet_libraries(), _progress("frames") as progress:
+        study = run_study(kind, job, progress)
+    _warn(study.warnings)
+    print(study_text(study))
+    if outputs.json is not None:
+        write_study(study, outputs.json)
+        _tell_made({"json": outputs.json})
     return DONE
 
 
@@ -252,6 +331,11 @@ def _add_force(parser: argparse.ArgumentParser) -> None:
 
 def _say(line: str) -> None:
     print("stab-ros:", one_line(line), file=sys.stderr)
+
+
+def _tell_made(made: Mapping[str, Path]) -> None:
+    for name, path in made.items():
+        print(f"{name + ':':8} {path}")
 
 
 def _warn(warnings: Iterable[str]) -> None:

@@ -41,6 +41,14 @@ def seconds(text: str) -> float:
     return number
 
 
+def names(text: str) -> tuple[str, ...]:
+    """For argparse: names between commas, at least one."""
+    found = tuple(name.strip() for name in text.split(","))
+    if not all(found):
+        raise argparse.ArgumentTypeError(f"{text!r} must be names between commas, as in direct,klt")
+    return found
+
+
 def assignment(text: str) -> tuple[str, object]:
     """`name:=value`, as ROS reads it: the value is a YAML scalar; anything else is taken as it stands, a string."""
     name, separator, value = text.partition(":=")

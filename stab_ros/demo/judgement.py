@@ -16,8 +16,9 @@ from stab_ros.demo.replay import METRICS, STABILIZED
 from stab_ros.demo.result import status_values
 from stab_ros.io.bag import open_bag
 from stab_ros.io.evaluation import Evaluation, EvaluationJob, TopicEvaluation, evaluate
-from stab_ros.io.evaluation_outputs import EvaluationOutputs
+from stab_ros.io.evaluation_outputs import writers_of
 from stab_ros.io.messages import read_stamp
+from stab_ros.io.result_outputs import ResultOutputs
 from stab_ros.io.text import number
 
 _SHOWN = ("displacement_reference_px", "displacement_previous_px", "rmse_reference_px", "rmse_previous_px",
@@ -55,7 +56,8 @@ def judge(bag: Path, folder: Path, values: Mapping[str, Value]) -> Judgement:
             bar.update(done - bar.n)
 
         evaluation = evaluate(job, show)
-    report = EvaluationOutputs(report=folder).write(evaluation, job, lambda _done, _total: None)["report"]
+    writers = writers_of(evaluation, job, lambda _done, _total: None)
+    report = ResultOutputs(report=folder).write(writers)["report"]
     return Judgement(evaluation, _difference(bag, evaluation), report)
 
 

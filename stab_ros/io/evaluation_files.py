@@ -34,7 +34,7 @@ def as_json(evaluation: Evaluation) -> Json:
 
 def topic_json(topic: TopicEvaluation) -> Json:
     """One stream."""
-    found: Json = {name: _summary(topic.summary(name)) for name in UNITS}
+    found: Json = {name: summary_json(topic.summary(name)) for name in UNITS}
     found["svf"] = [_region(region) for region in topic.field.regions] if topic.field else []
     found["points"] = [_point(topic, index) for index in range(len(topic.points))]
     found["frames"] = len(topic.rows)
@@ -50,7 +50,8 @@ def topic_json(topic: TopicEvaluation) -> Json:
     return found
 
 
-def _summary(summary: Summary | None) -> Json:
+def summary_json(summary: Summary | None) -> Json:
+    """Statistics of a metric; None where there are no values."""
     if summary is None:
         return {"median": None, "p95": None, "max": None, "count": 0}
     return {"median": summary.median, "p95": summary.p95, "max": summary.max, "count": summary.count,

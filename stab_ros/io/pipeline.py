@@ -70,7 +70,7 @@ class Counts:
 
 def run(items: Iterable[Picture | Message], stabilizer: Stabilizer, outputs: Outputs, progress: Progress) -> Counts:
     """Reads here, tracks and writes on two more threads, each a frame or two behind the other, all in order."""
-    tracker, counts = _Tracker(stabilizer, outputs.need_image), Counts()
+    tracker, counts = PictureTracker(stabilizer, outputs.need_image), Counts()
 
     def write(item: Result | Message) -> None:
         if isinstance(item, Message):
@@ -89,7 +89,7 @@ def run(items: Iterable[Picture | Message], stabilizer: Stabilizer, outputs: Out
     return counts
 
 
-class _Tracker:
+class PictureTracker:
     """The stabilizer over pictures, of which some cannot be used: those are lost, and counted as frames."""
 
     def __init__(self, stabilizer: Stabilizer, need_image: bool) -> None:

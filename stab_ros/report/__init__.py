@@ -1,7 +1,8 @@
-"""The report of `stab-ros evaluate`: one HTML file to look at, which opens without a network."""
+"""Reports of `stab-ros evaluate` and `compare`: one HTML file each to look at, which opens without a network."""
 
 from __future__ import annotations
 
+from stab_ros.report.comparison_page import write_comparison
 from stab_ros.report.page import write_report
 
-__all__ = ["write_report"]
+__all__ = ["write_comparison", "write_report"]

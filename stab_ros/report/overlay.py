@@ -31,7 +31,7 @@ _TOLD = (("displacement_reference_px", "Displaced by {} px"), ("rmse_reference_p
 
 
 @dataclass(frozen=True, eq=False)
-class _Pair:
+class Pair:
     """A frame beside the reference, (h, w) uint8 each. x, y: the middle of the part that is shown, and what it is."""
 
     title: str
@@ -62,10 +62,10 @@ def _of_topic(topic: TopicEvaluation, pictures: Pictures, numbers: Numbers) -> I
                     "to draw.")
     for index in rows:
         row = topic.rows[index]
-        pair = _Pair(f"{topic.topic}: {frame_name(row)}", gray_of(topic.reference),
-                     pictures.whole[topic.topic, row.stamp_ns], *_worst_place(topic, row))
+        pair = Pair(f"{topic.topic}: {frame_name(row)}", gray_of(topic.reference),
+                     pictures.whole[topic.topic, row.stamp_ns], *worst_place(topic, row))
         yield _whole(pair, _told(topic, index, numbers))
-        yield _part(pair)
+        yield part(pair)
 
 
 def _told(topic: TopicEvaluation, index: int, numbers: Numbers) -> Markup:
@@ -74,8 +74,8 @@ def _told(topic: TopicEvaluation, index: int, numbers: Numbers) -> Markup:
                              for name, text in _TOLD if topic.rows[index][name] is not None)
 
 
-def _worst_place(topic: TopicEvaluation, row: FrameMetrics) -> tuple[int, int, str]:
-    """The static point that is displaced most, else the middle of the picture."""
+def worst_place(topic: TopicEvaluation, row: FrameMetrics) -> tuple[int, int, str]:
+    """The static point that is displaced most, else the middle of the picture: x and y in px, and what it is."""
     displaced = np.where(topic.static, row.points["displacement_reference_px"], np.nan)
     if not np.isfinite(displaced).any():
         return topic.reference.size[0] // 2, topic.reference.size[1] // 2, "The middle of the picture"
@@ -83,7 +83,7 @@ def _worst_place(topic: TopicEvaluation, row: FrameMetrics) -> tuple[int, int, s
     return point.x_px, point.y_px, f"About {point.name}, the verification point that is displaced most"
 
 
-def _whole(pair: _Pair, told: Markup) -> Panel:
+def _whole(pair: Pair, told: Markup) -> Panel:
     height, width = pair.reference.shape
     left, top, side = pair.box
     small = (_SHOWN_PX, round(height * _SHOWN_PX / width))
@@ -95,12 +95,14 @@ def _whole(pair: _Pair, told: Markup) -> Panel:
                  f"{pair.title}: edges of the reference in red, of the frame in cyan.", photo=True)
 
 
-def _part(pair: _Pair) -> Panel:
+def part(pair: Pair, told: Markup | str = "") -> Panel:
+    """What lies about the place, pixel by pixel, after what is to be told of it."""
     left, top, side = pair.box
     figure, axes = new_axes(picture_height_in(1, 1))
     image = overlaid(pair.reference, pair.current)[top : top + side, left : left + side]
     show_picture(axes, image, (left - 0.5, left + side - 0.5, top + side - 0.5, top - 0.5))
-    return drawn(figure, f"{pair.title}, part", f"{pair.place}, at full resolution. {_COLORS}",
+    caption = Markup("{}{}, at full resolution. {}").format(told, pair.place, _COLORS)
+    return drawn(figure, f"{pair.title}, part", caption,
                  f"{pair.title}: a part of the edges, pixel by pixel.", photo=True)
 
 

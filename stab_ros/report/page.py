@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
-from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
-import jinja2
 from markupsafe import Markup
 
-from stab_ros import __version__
 from stab_ros.core.config import settings_of
-from stab_ros.core.errors import WorkError
 from stab_ros.core.evaluation import EvaluatorConfig
 from stab_ros.core.frame_metrics import UNITS
 from stab_ros.io.evaluation import Evaluation, EvaluationJob, Progress
-from stab_ros.io.evaluation_files import Json, as_json
-from stab_ros.io.outputs import completed
+from stab_ros.io.evaluation_files import as_json
 from stab_ros.report.boxes import box_panels
 from stab_ros.report.calibration import calibration_panels
 from stab_ros.report.maps import field_panels, point_panels
@@ -27,11 +20,10 @@ from stab_ros.report.numbers import Numbers
 from stab_ros.report.overlay import overlay_panels
 from stab_ros.report.panel import Section
 from stab_ros.report.pictures import Pictures, read_pictures
+from stab_ros.report.rendering import embedded, own_file, rendered, write_page
 from stab_ros.report.scrub import scrub_of
 from stab_ros.report.series import series_panels
 from stab_ros.report.verdict import brightest_frame, compared, extreme_frame
-
-_NAME = "index.html"
 
 
 def write_report(evaluation: Evaluation, job: EvaluationJob, folder: Path, progress: Progress) -> Path:
@@ -42,26 +34,17 @@ def write_report(evaluation: Evaluation, job: EvaluationJob, folder: Path, progr
         WorkError: the disk is full.
     """
     pictures = read_pictures(evaluation, job, progress)
-    path = folder / _NAME
-    with completed(path) as partial:
-        try:
-            partial.write_text(_page(evaluation, pictures), encoding="utf-8")
-        except OSError as error:
-            raise WorkError(f"{path}: {error.strerror}") from error
-    return path
+    return write_page(_page(evaluation, pictures), folder)
 
 
 def _page(evaluation: Evaluation, pictures: Pictures) -> str:
     tree, scrub = as_json(evaluation), scrub_of(evaluation, pictures)
     numbers = Numbers(tree)
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
-                                     lstrip_blocks=True, loader=jinja2.FunctionLoader(_own_file))
-    return environment.get_template("template.html").render(
-        n=numbers, json=tree, data=_embedded(tree), units=UNITS, version=__version__, meanings=_meanings(),
+    return rendered(
+        "template.html", n=numbers, json=tree, data=embedded(tree), units=UNITS, meanings=_meanings(),
         compared=compared(tree), extreme_frame=extreme_frame, brightest_frame=brightest_frame,
-        style=Markup(_own_file("style.css")), script=Markup(_own_file("scrub.js")),
-        sections=list(_sections(evaluation, pictures, numbers)), scrub=scrub,
-        scrub_data=_embedded({"labels": scrub.labels, "streams": [uris for _, uris in scrub.streams]}))
+        script=Markup(own_file("scrub.js")), sections=list(_sections(evaluation, pictures, numbers)), scrub=scrub,
+        scrub_data=embedded({"labels": scrub.labels, "streams": [uris for _, uris in scrub.streams]}))
 
 
 def _sections(evaluation: Evaluation, pictures: Pictures, numbers: Numbers) -> Iterator[Section]:
@@ -78,13 +61,3 @@ def _sections(evaluation: Evaluation, pictures: Pictures, numbers: Numbers) -> I
 def _meanings() -> dict[str, str]:
     """What every setting means, by its name."""
     return {name: limits.doc for name, _, limits in settings_of(EvaluatorConfig)}
-
-
-def _embedded(tree: Json) -> Markup:
-    """As the content of a script element, which must not hold its own end."""
-    text: Any = json.dumps(tree, allow_nan=False)
-    return Markup(text.replace("<", "\\u003c").replace("&", "\\u0026"))
-
-
-def _own_file(name: str) -> str:
-    return files(__package__).joinpath(name).read_text(encoding="utf-8")

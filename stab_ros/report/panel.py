@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import base64
 import io
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from stab_ros.core.gray import depth_scale, to_gray
 from stab_ros.core.types import Frame, Gray, Image
@@ -18,6 +21,7 @@ REFERENCE_COLOR, PREVIOUS_COLOR, LOST_COLOR = "#1f5f99", "#e08214", "#c0392b"
 _STREAM_COLORS = ("#b2601a", "#1f6fb2", "#3b8a4d", "#8a4d9e")  # raw first, as in the tables
 _FONT_PT = 11
 _JPEG_QUALITY = 75
+_FEW_DECADES = 2.0
 _LONGEST_NAME = 44  # letters of a legend that fit beside its line
 
 
@@ -54,6 +58,16 @@ def label(axes: Axes, x: str, y: str) -> None:
     """What the axes show, with units."""
     axes.set_xlabel(x, fontsize=_FONT_PT)
     axes.set_ylabel(y, fontsize=_FONT_PT)
+
+
+def logarithmic(axes: Axes, which: Literal["x", "y"], low: float, high: float) -> None:
+    """A logarithmic scale from `low` to `high`, with numbers as one writes them, several also within a decade."""
+    axes.set(**{f"{which}scale": "log", f"{which}lim": (low, high)})
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    decades = math.log10(high / low)
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < _FEW_DECADES else (1.0,)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def legend(axes: Axes, columns: int = 1) -> None:

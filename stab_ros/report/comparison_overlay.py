@@ -1,0 +1,81 @@
+"""Each method's worst frame over its reference, beside the same frame as the camera took it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from markupsafe import Markup
+
+from stab_ros.core.camera import Camera
+from stab_ros.core.gray import depth_scale, to_gray
+from stab_ros.core.parameters import stabilizer_config
+from stab_ros.core.types import Frame, Gray, Image
+from stab_ros.core.warp import warp
+from stab_ros.io.comparison import Comparison, ComparisonJob, MethodResult, Progress
+from stab_ros.io.source import open_source
+from stab_ros.report.numbers import Numbers
+from stab_ros.report.overlay import Pair, part, worst_place
+from stab_ros.report.panel import Panel, gray_of
+from stab_ros.report.sampling import worst_frames
+
+
+@dataclass(frozen=True)
+class _Worst:
+    """number: of a method's frame; told: the name of its worst measure in `per_frame`, and how to say it."""
+
+    result: MethodResult
+    number: int
+    measure: str
+    said: str
+
+
+def overlay_panels(comparison: Comparison, job: ComparisonJob, numbers: Numbers, progress: Progress) -> list[Panel]:
+    """For each method two, in their order; reads the input once more, and holds no picture of it for long.
+
+    Raises:
+        InputError: the source cannot be read any more.
+    """
+    worst = [one for result in comparison.methods if (one := _worst(result)) is not None]
+    made: dict[str, list[Panel]] = {}
+    with open_source(job.source, job.image_topic, job.fps) as source:
+        camera = source.camera() if job.values.get("use_camera_info") else None
+        for number, picture in enumerate(source.frames(job.limit)):
+            progress(number + 1, max(number + 1, comparison.frames))
+            for one in worst:
+                if one.number == number and isinstance(picture.decoded, Frame):
+                    made[one.result.name] = list(_pair(one, picture.decoded, job, camera, numbers))
+    nothing = "It aligned no frame, so there is nothing to draw."
+    return [panel for one in comparison.methods if not one.failure
+            for panel in made.get(one.name, [Panel(f"{one.name}: worst frame", nothing)])]
+
+
+def _worst(result: MethodResult) -> _Worst | None:
+    """By the error where the truth is known, else by what the evaluator measured."""
+    if result.evaluation is None:
+        return None
+    known = [(one.error_px, one.number) for one in result.aligned if one.error_px is not None]
+    if known:
+        return _Worst(result, max(known)[1], "error_px", "Error {} px. ")
+    rows = worst_frames(result.evaluation)
+    if rows and result.passages[rows[0]].track.tracked:
+        return _Worst(result, rows[0], "displacement_reference_px", "Displaced by {} px. ")
+    return None
+
+
+def _pair(worst: _Worst, frame: Frame, job: ComparisonJob, camera: Camera | None, numbers: Numbers) -> Iterator[Panel]:
+    evaluation, H = worst.result.evaluation, worst.result.passages[worst.number].track.ref_H_cur
+    if evaluation is None or H is None or frame.size != evaluation.reference.size:
+        return
+    scale, reference = depth_scale(evaluation.reference), gray_of(evaluation.reference)
+    place = worst_place(evaluation, evaluation.rows[worst.number])
+    config = stabilizer_config(job.run_of(worst.result.name).values)
+    steady = warp(frame.image, H, frame.size, config.interpolation, camera)
+    title = f"{worst.result.name}: worst frame ({worst.number})"
+    told = Markup(worst.said).format(numbers("methods", worst.result.name, "per_frame", worst.number, worst.measure))
+    yield part(Pair(title, reference, _gray(steady, frame, scale), *place), told)
+    yield part(Pair(f"{worst.result.name}: the same frame, raw", reference, to_gray(frame, scale), *place))
+
+
+def _gray(image: Image, frame: Frame, scale: float) -> Gray:
+    return to_gray(Frame(image, frame.encoding, frame.stamp_ns), scale)

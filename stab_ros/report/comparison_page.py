@@ -1,0 +1,42 @@
+"""The report of `stab-ros compare`: table, figures and pictures in one `index.html`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from stab_ros.io.comparison import Comparison, ComparisonJob, Progress
+from stab_ros.io.comparison_files import as_json
+from stab_ros.io.comparison_text import columns, heads
+from stab_ros.report.comparison_boxes import box_panels, cost_panels
+from stab_ros.report.comparison_overlay import overlay_panels
+from stab_ros.report.comparison_series import series_panels
+from stab_ros.report.comparison_trade import trade_panel
+from stab_ros.report.comparison_verdict import best, failed, with_lost
+from stab_ros.report.numbers import Numbers
+from stab_ros.report.panel import Panel, Section
+from stab_ros.report.rendering import embedded, rendered, write_page
+
+
+def write_comparison(comparison: Comparison, job: ComparisonJob, folder: Path, progress: Progress) -> Path:
+    """Reads the pictures it shows once more, and writes `index.html` into `folder`, which exists.
+
+    Raises:
+        InputError: the folder cannot be written into, or the source cannot be read any more.
+        WorkError: the disk is full.
+    """
+    tree = as_json(comparison)
+    numbers = Numbers(tree)
+    shown = columns(comparison.has_truth)
+    overlays = overlay_panels(comparison, job, numbers, progress)
+    return write_page(rendered(
+        "compare.html", n=numbers, json=tree, data=embedded(tree), columns=shown, heads=heads(shown),
+        sections=list(_sections(comparison, overlays)), best=best, with_lost=with_lost, failed=failed), folder)
+
+
+def _sections(comparison: Comparison, overlays: list[Panel]) -> Iterator[Section]:
+    """The figures in the order of the page."""
+    yield Section("boxes", "What is left of the motion", box_panels(comparison))
+    yield Section("cost", "Time and memory", [*cost_panels(comparison), trade_panel(comparison)])
+    yield Section("series", "Over time", series_panels(comparison))
+    yield Section("worst", "Worst frames", overlays)

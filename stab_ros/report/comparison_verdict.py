@@ -1,0 +1,26 @@
+"""What the headline of a comparison says, as names; the page looks the numbers up."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from stab_ros.io.comparison_text import at
+from stab_ros.io.evaluation_files import Json
+
+
+def best(tree: Json, *place: str) -> str | None:
+    """The method with the smallest number at `place` among those that have lost the fewest frames; None without any."""
+    known = [(int(one["lost"]), float(value), str(name)) for name, one in tree["methods"].items()
+             if (value := at(one, place)) is not None]
+    return min(known)[2] if known else None
+
+
+def with_lost(tree: Json) -> Sequence[str]:
+    """Methods that lost frames, those that lost the most first."""
+    names = [name for name, one in tree["methods"].items() if one["lost"]]
+    return sorted(names, key=lambda name: -int(tree["methods"][name]["lost"]))
+
+
+def failed(tree: Json) -> Sequence[str]:
+    """Methods that came to no end."""
+    return [name for name, one in tree["methods"].items() if one["failure"]]
