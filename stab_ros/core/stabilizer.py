@@ -50,7 +50,8 @@ class StabilizerConfig(Checked):
                            choices=("drop", "hold", "pass"))
     interpolation: str = setting("linear", "of image_stabilized", choices=tuple(INTERPOLATION))
     threshold: float = setting(0.5, "a feature further than this from the fit is an outlier, px", 0.01, 20.0)
-    min_inliers: int = setting(12, "with fewer inliers the frame is lost", 4, 10000)
+    ransac_threshold: float = setting(3.0, "of the consensus that ed_ransac filters with `threshold`, px", 0.01, 50.0)
+    min_inliers: int = setting(12, "with fewer inliers the frame is lost", 1, 10000)
     min_inlier_share: float = setting(0.1, "with a smaller share of the trusted features in view the frame is lost",
                                       0.0, 1.0)
     max_sigma: float = setting(1.0, "with a larger uncertainty of the homography the frame is lost, px", 0.001, 100.0)
@@ -186,7 +187,8 @@ class Stabilizer:
         """Match and fit from a guess."""
         pairs = self._method.match(gray, guess, self._features.trust)
         trust = self._features.trust[pairs.feature_id]
-        fit = estimators.fit(pairs, self._config.model, self._config.estimator, self._config.threshold, guess, trust)
+        fit = estimators.fit(pairs, self._config.model, self._config.estimator, self._config.threshold, guess, trust,
+                             self._config.ransac_threshold)
         self._last_match = (pairs, fit)
         return pairs, fit
 
