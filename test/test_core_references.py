@@ -192,7 +192,8 @@ def test_regions_are_carried(reference: str) -> None:
 @every_strategy
 def test_points_are_carried(reference: str) -> None:
     named = np.array([[60.0, 50.0], [330, 60], [340, 240], [70, 230], [200, 150]])
-    values: dict[str, Value] = {"manual_points": str(named.tolist()), "min_inliers": 4, "reference": reference, "method": "klt"}
+    values: dict[str, Value] = {"reference": reference, "method": "klt", "min_inliers": 4,
+                                "manual_points": str(named.tolist())}
     stabilizer = make_stabilizer(values)
     for index, H in enumerate(PATH[:6]):
         assert error_px(stabilizer.track(frame(picture(H), index)), H) < 0.5
@@ -202,7 +203,8 @@ def test_points_are_carried(reference: str) -> None:
 @every_accumulating
 def test_a_point_that_leaves_the_picture_is_done_without(reference: str) -> None:
     named = np.array([[16.0, 150.0], [330, 60], [340, 240], [70, 230], [80, 70]])
-    values: dict[str, Value] = {"manual_points": str(named.tolist()), "min_inliers": 4, "reference": reference, "method": "klt"}
+    values: dict[str, Value] = {"reference": reference, "method": "klt", "min_inliers": 4,
+                                "manual_points": str(named.tolist())}
     stabilizer = make_stabilizer(values)
     for index in range(6):
         H = translation(4.0 * index, 0)
