@@ -28,7 +28,7 @@ _SSIMS: Mapping[str, Value] = {
 }
 _KLT_IV: Mapping[str, Value] = {
     "method": "klt", "model": "similarity", "estimator": "least_squares", "reference": "fixed",
-    "klt.selection": "quadrants", "klt.share": 0.1, "klt.block": 21, "klt.levels": 5, "klt.passes": 1,
+    "klt.selection": "quadrants", "klt.share": 0.1, "klt.min_quality": 0.01, "klt.passes": "21", "klt.levels": 5,
     "klt.max_bidirectional": 1.0,
 }
 _VISION_FAST: Mapping[str, Value] = {
@@ -47,7 +47,8 @@ _ED_RANSAC: Mapping[str, Value] = {
 }
 _BLENDER_MANUAL: Mapping[str, Value] = {
     **_MANUAL, "method": "region", "model": "projective", "region.points": 4, "region.area": 11, "region.search": 21,
-    "region.motion": "translation_rotation_scale", "region.min_correlation": 0.75,
+    "region.motion": "translation_rotation_scale", "region.min_correlation": 0.75, "region.blur": 0.9,
+    "region.iterations": 20,
 }
 _BASENTO_AREAS: Mapping[str, Value] = {"region.area": 21, "region.search": 41}
 
@@ -62,7 +63,7 @@ PRESETS: Mapping[str, Mapping[str, Value]] = MappingProxyType({
     "ssims_alpine": {**_SSIMS, "ssim.points": 5},
     "ssims_basento": {**_SSIMS, "ssim.points": 8, "ssim.area": 21, "ssim.search": 41},
     "klt_iv": _KLT_IV,
-    "klt_iv_basento": {**_KLT_IV, "klt.passes": 2},
+    "klt_iv_basento": {**_KLT_IV, "klt.passes": "21,5"},
     "vision_fast": _VISION_FAST,
     "flowvelo_akaze": _FLOWVELO_AKAZE,
     "flowvelo_akaze_alpine": {**_FLOWVELO_AKAZE, "akaze.threshold": 0.02},
@@ -70,5 +71,6 @@ PRESETS: Mapping[str, Mapping[str, Value]] = MappingProxyType({
     "blender_manual": _BLENDER_MANUAL,
     "blender_manual_alpine": {**_BLENDER_MANUAL, "region.points": 8},
     "blender_manual_basento": {**_BLENDER_MANUAL, "region.points": 8, **_BASENTO_AREAS},
-    "blender_auto": {**_BLENDER_MANUAL, "estimator": "ransac", "region.points": 64, **_BASENTO_AREAS},
+    "blender_auto": {**_BLENDER_MANUAL, "estimator": "ransac", "region.points": 64, "region.min_distance": 120.0,
+                     "region.margin": 16, **_BASENTO_AREAS},
 })
