@@ -40,10 +40,6 @@ class Place:
     ref_H_base: Homography
     covariance: FloatArray
 
-    @staticmethod
-    def of_reference() -> Place:
-        return Place(np.eye(3), np.zeros((8, 8)))
-
     def to_base(self, ref_H_cur: Homography) -> Homography:
         """base_H_cur."""
         return normalized(np.linalg.inv(self.ref_H_base) @ ref_H_cur)
@@ -58,7 +54,7 @@ class Place:
 
     def mask_in_base(self, allowed: BoolArray) -> BoolArray:
         """(h, w) bool of the reference in base px; what the reference does not show is allowed only if all of it is."""
-        if allowed.all():
+        if self is REFERENCE or allowed.all():
             return allowed
         size = (allowed.shape[1], allowed.shape[0])
         flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
@@ -67,6 +63,8 @@ class Place:
 
     def carried(self, pairs: Correspondences) -> Correspondences:
         """The same with reference_px and information in px of the reference, which were in px of the base."""
+        if self is REFERENCE:
+            return pairs
         back = np.linalg.inv(point_jacobian(self.ref_H_base, pairs.reference_px))
         information = back.transpose(0, 2, 1) @ pairs.information @ back
         reference_px = apply(self.ref_H_base, pairs.reference_px)
@@ -89,6 +87,9 @@ class Place:
         if not before_px or not added_px:
             return np.asarray(carried + own)
         return np.asarray((1 + added_px / before_px) * carried + (1 + before_px / added_px) * own)
+
+
+REFERENCE = Place(np.eye(3), np.zeros((8, 8)))
 
 
 class Base:
@@ -154,6 +155,6 @@ def reference_base(gray: Gray, method: str, method_config: object, allowed: Bool
         InputError: a point is of no use in it. (In a later base, which it may have left, the others do without it.)
     """
     check_inside(points_px, (gray.shape[1], gray.shape[0]))
-    base = make_base(gray, Place.of_reference(), method, method_config, allowed, points_px)
+    base = make_base(gray, REFERENCE, method, method_config, allowed, points_px)
     check_used(points_px, base.features_px, method)
     return base
