@@ -5,10 +5,11 @@ python docs/make_parameters.py > docs/parameters.md
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
-from stab_ros.core.config import Range
+from stab_ros.core.config import Range, Value
 from stab_ros.core.parameters import EVALUATOR_PARAMETERS, PARAMETERS, Parameter
+from stab_ros.methods.presets import PRESETS
 from stab_ros.nodes.bag_player_node import PlayerSettings
 from stab_ros.nodes.bag_recorder_node import RecorderSettings
 from stab_ros.nodes.evaluator_node import EvaluatorSettings
@@ -21,6 +22,12 @@ Made by `python docs/make_parameters.py > docs/parameters.md`; the same is shown
 A value out of range, of the wrong type or unknown is refused with the reason.
 """
 _ENGINE = "The tracker's engine: `tracker_node`, and `-p name:=value` of `stab-ros stabilize`"
+_PRESETS = """
+## Presets of `method`
+
+The tools of the papers with their parameters. What is given beside the name overrides them; a running node takes no
+other preset, its parameters all have values by then.
+"""
 _EVALUATOR = "The evaluator: `evaluator_node`, and `-p name:=value` of `stab-ros evaluate`"
 _NODES = {"tracker_node": TrackerSettings, "evaluator_node": EvaluatorSettings, "bag_player_node": PlayerSettings,
           "bag_recorder_node": RecorderSettings}
@@ -31,8 +38,21 @@ def _section(title: str, parameters: Iterable[Parameter]) -> str:
     return "\n".join([f"\n## {title}\n", "| name | default | accepts | meaning |", "|---|---|---|---|", *rows])
 
 
+def _presets() -> str:
+    rows = (f"| `{name}` | {_assignments(preset)} |" for name, preset in PRESETS.items())
+    return "\n".join([_PRESETS, "| name | stands for |", "|---|---|", *rows])
+
+
+def _assignments(preset: Mapping[str, Value]) -> str:
+    return ", ".join(f"`{name}:={_shown(value)}`" for name, value in preset.items())
+
+
 def _default(parameter: Parameter) -> str:
-    return f"`{str(parameter.default).lower()}`" if parameter.default != "" else "none"
+    return f"`{_shown(parameter.default)}`" if parameter.default != "" else "none"
+
+
+def _shown(value: Value) -> str:
+    return str(value).lower()
 
 
 def _accepts(limits: Range) -> str:
@@ -45,6 +65,7 @@ def _accepts(limits: Range) -> str:
 
 if __name__ == "__main__":
     print(_HEAD + _section(_ENGINE, PARAMETERS.values()))
+    print(_presets())
     print(_section(_EVALUATOR, EVALUATOR_PARAMETERS.values()))
     for name, settings in _NODES.items():
         print(_section(f"`{name}` alone", table_of(settings).values()))

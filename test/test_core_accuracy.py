@@ -79,8 +79,9 @@ def test_klt(shots: list[Shot]) -> None:
     assert flown(shots, method="klt").median_px <= 0.15
 
 
-def test_ransac_is_as_exact(shots: list[Shot], water: str) -> None:
-    assert flown(shots, exclude=water, estimator="ransac").median_px <= 0.015
+@pytest.mark.parametrize("estimator", ["ransac", "lo_ransac", "lmeds"])
+def test_other_robust_estimators_are_as_exact(shots: list[Shot], water: str, estimator: str) -> None:
+    assert flown(shots, exclude=water, estimator=estimator).median_px <= 0.015
 
 
 def test_halves_of_the_patches_agree_within_what_they_claim(shots: list[Shot], water: str) -> None:

@@ -36,6 +36,7 @@ MOTIONS = {
 }
 MAKEABLE = {  # which motions a model contains
     "translation": ("shift", "whole pixels", "half a pixel"),
+    "rigid": ("shift", "whole pixels", "half a pixel", "rotation"),
     "similarity": ("shift", "whole pixels", "half a pixel", "rotation", "zoom"),
     "affine": ("shift", "whole pixels", "half a pixel", "rotation", "zoom", "stretch"),
     "projective": tuple(MOTIONS),

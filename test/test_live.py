@@ -11,6 +11,7 @@ import pytest
 from conftest import Command
 from diagnostic_msgs.msg import DiagnosticArray
 from live_graph import Graph, image_message, stamp_ns, values_of
+from rcl_interfaces.srv import GetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from recordings import IMAGE_TOPIC
@@ -102,6 +103,8 @@ def test_signal_during_start(graph: Graph, module: str, number: int) -> None:
     [
         ("tracker_node", ["-p", "method:=magic"], "method: 'magic' is unknown, it must be one of"),
         ("tracker_node", ["-p", "roi:=[[[0, 0], [1, 0], [1, 1]]]"], "roi: "),
+        ("tracker_node", ["-p", "method:=ssim_s"], "method: 'ssim_s' is unknown, did you mean ssims"),
+        ("tracker_node", ["-p", "points_file:=missing.csv"], "missing.csv"),
         ("tracker_node", ["-p", "exclude:=missing.png"], "exclude: 'missing.png' is neither"),
         ("tracker_node", ["--params-file", "missing.yaml"], "missing.yaml"),
         ("bag_player_node", [], "bag: no recording is named"),
@@ -147,6 +150,22 @@ def test_parameters_change_at_run_time(graph: Graph, flight: list[Shot]) -> None
     assert any(answers[1].k)
     graph.until(lambda: diagnostics and values_of(diagnostics[-1])["frames_in"] == "2", "the report")
     assert values_of(diagnostics[-1])["method"] == "klt"
+
+
+def test_a_preset_is_chosen_at_the_start(graph: Graph) -> None:
+    given: dict[str, Any] = {"method": "ssims", "ssim.area": 15}
+    tracker = graph.start("tracker_node", **given)
+    diagnostics = graph.listen(DiagnosticArray, "/diagnostics")
+    graph.until(lambda: diagnostics, "diagnostics")
+    assert values_of(diagnostics[-1])["method"] == "ssims"
+    request = GetParameters.Request(names=["method", "model", "ssim.search", "ssim.area"])
+    shown = graph.call(GetParameters, "/tracker_node/get_parameters", request).values
+    assert [one.string_value or one.integer_value for one in shown] == ["ssims", "projective", 21, 15]
+    taken, reason = graph.set_parameter("/tracker_node", "method", "ssims_basento")
+    assert not taken
+    assert "the preset ssims_basento can only be chosen at the start" in reason
+    assert graph.set_parameter("/tracker_node", "model", "affine") == (True, "")
+    assert tracker.stop() == 0
 
 
 def test_one_parameter_file_serves_node_and_command(

@@ -15,6 +15,7 @@ import numpy as np
 from stab_ros.core.kernels import kernel
 from stab_ros.core.types import BoolArray, FloatArray, Homography
 
+_RIGID = 3  # motions of the rigid model
 _SINGULAR = 1e-10  # of the pivots of a matrix with a unit diagonal
 
 
@@ -175,10 +176,16 @@ def solve(normal: FloatArray, right: FloatArray) -> tuple[bool, FloatArray]:
 
 @kernel()
 def compose(delta: FloatArray, H: Homography, centre: FloatArray, radius: float) -> Any:
-    """H followed by the small motion `delta` (k,), px; normalised to h22 = 1."""
+    """H followed by the small motion `delta` (k,), px; normalised to h22 = 1.
+
+    The rotation of a rigid motion (k = 3) is exact: to first order it would stretch, and leave the group.
+    """
     d = np.zeros(8)
     d[: len(delta)] = delta / radius
     step = np.array([[1 + d[3] + d[4], d[5] - d[2], d[0]], [d[2] + d[5], 1 + d[3] - d[4], d[1]], [-d[6], -d[7], 1.0]])
+    if len(delta) == _RIGID:
+        step[0, 0] = step[1, 1] = np.cos(d[2])
+        step[0, 1], step[1, 0] = -np.sin(d[2]), np.sin(d[2])
     to_unit = np.array([[1 / radius, 0, -centre[0] / radius], [0, 1 / radius, -centre[1] / radius], [0, 0, 1.0]])
     from_unit = np.array([[radius, 0, centre[0]], [0, radius, centre[1]], [0, 0, 1.0]])
     moved = product(from_unit, product(step, product(to_unit, H)))

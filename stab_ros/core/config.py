@@ -6,6 +6,7 @@ The node declares its ROS parameters from these fields, the command line checks 
 from __future__ import annotations
 
 import dataclasses
+import difflib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
@@ -52,7 +53,9 @@ def checked(name: str, value: Value, default: Value, limits: Range) -> Value:
     if type(value) is not type(default):
         raise ConfigError(f"{name}: {value!r} is a {type(value).__name__}, it must be a {type(default).__name__}")
     if limits.choices and value not in limits.choices:
-        raise ConfigError(f"{name}: {value!r} is unknown, it must be one of {', '.join(limits.choices)}")
+        near = difflib.get_close_matches(str(value), limits.choices, n=3)
+        meant = f"did you mean {' or '.join(near)}? It" if near else "it"
+        raise ConfigError(f"{name}: {value!r} is unknown, {meant} must be one of {', '.join(limits.choices)}")
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         low = float("-inf") if limits.low is None else limits.low
         high = float("inf") if limits.high is None else limits.high

@@ -48,6 +48,19 @@ def jacobian(H: Homography, points: FloatArray) -> FloatArray:
     return J
 
 
+def point_jacobian(H: Homography, points: FloatArray) -> FloatArray:
+    """Derivative of the mapped points by the points (N, 2): (N, 2, 2)."""
+    mapped, w = apply(H, points), points @ H[2, :2] + H[2, 2]
+    return np.asarray((H[:2, :2] - mapped[:, :, None] * H[2, :2]) / w[:, None, None])
+
+
+def product_jacobians(A: Homography, B: Homography) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of h00 .. h21 of normalized(A B) by those of A and by those of B: two of (8, 8)."""
+    product = A @ B
+    to_unit = (np.eye(9)[:8] - np.outer(product.ravel()[:8] / product[2, 2], np.eye(9)[8])) / product[2, 2]
+    return to_unit @ np.kron(np.eye(3), B.T)[:, :8], to_unit @ np.kron(A, np.eye(3))[:, :8]
+
+
 def sigma_px(H: Homography, covariance: FloatArray, size: tuple[int, int]) -> float:
     """One-sigma uncertainty of H over the grid, px: RMS of sqrt(trace(J C J^T)), C of h00..h21 (8, 8)."""
     J = jacobian(H, grid(size))

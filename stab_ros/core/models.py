@@ -1,4 +1,4 @@
-"""Transformation models: translation, similarity, affine, projective, each a larger group than the one before."""
+"""Transformation models: translation, rigid, similarity, affine, projective, each a larger group than the last."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from stab_ros.core._gauss_newton import compose
 from stab_ros.core.geometry import apply
 from stab_ros.core.types import FloatArray, Homography
 
-PARAMETERS = {"translation": 2, "similarity": 4, "affine": 6, "projective": 8}
+PARAMETERS = {"translation": 2, "rigid": 3, "similarity": 4, "affine": 6, "projective": 8}
 MODELS = tuple(PARAMETERS)
+_COINCIDENT_PX = 1e-6
 
 
 def minimal_points(model: str) -> int:
-    """How many correspondences determine the model."""
-    return PARAMETERS[model] // 2
+    """How many correspondences determine the model, two equations each."""
+    return -(-PARAMETERS[model] // 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +46,7 @@ class Basis:
 def design_rows(model: str, current_px: FloatArray, reference_px: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The linear equations a x = b of a model's entries (DLT, Hartley and Zisserman 2004, eq. 4.1 with h22 = 1).
 
+    Not for the rigid model, whose entries are not free: see `rigid_homographies`.
     current_px, reference_px: (..., N, 2). Returns a (..., 2 N, parameters) and b (..., 2 N); `entries` reads x.
     """
     x, y = current_px[..., 0], current_px[..., 1]
@@ -85,8 +87,31 @@ def homographies(model: str, x: FloatArray) -> Homography:
     return H
 
 
+def rigid_homographies(current_px: FloatArray, reference_px: FloatArray) -> Homography:
+    """Rotation and shift that bring current_px (..., N, 2) nearest to reference_px: (..., 3, 3).
+
+    Closed form of the least squares in two dimensions (Umeyama 1991, eq. 40 to 42 with c = 1).
+    """
+    mean_current, mean_reference = current_px.mean(axis=-2), reference_px.mean(axis=-2)
+    p, q = current_px - mean_current[..., None, :], reference_px - mean_reference[..., None, :]
+    sine = np.sum(p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0], axis=-1)
+    angle = np.arctan2(sine, np.sum(p * q, axis=(-2, -1)))
+    H = np.zeros((*angle.shape, 3, 3))
+    H[..., 0, 0] = H[..., 1, 1] = np.cos(angle)
+    H[..., 0, 1], H[..., 1, 0] = -np.sin(angle), np.sin(angle)
+    H[..., :2, 2] = mean_reference - np.einsum("...ij,...j->...i", H[..., :2, :2], mean_current)
+    H[..., 2, 2] = 1.0
+    return H
+
+
 def minimal_homographies(model: str, current_px: FloatArray, reference_px: FloatArray) -> Homography:
-    """The homographies through M minimal samples, (M, n, 2) each: (M', 3, 3), degenerate samples left out."""
+    """The homographies through M minimal samples, (M, n, 2) each: (M', 3, 3), degenerate samples left out.
+
+    Two points over-determine a rigid motion: theirs is the one that fits them best.
+    """
+    if model == "rigid":
+        apart = np.ptp(current_px, axis=1).max(axis=1, initial=0)
+        return rigid_homographies(current_px[apart > _COINCIDENT_PX], reference_px[apart > _COINCIDENT_PX])
     centre, scale = reference_px.reshape(-1, 2).mean(axis=0), max(float(np.ptp(reference_px)), 1.0)
     a, b = design_rows(model, (current_px - centre) / scale, (reference_px - centre) / scale)
     usable = np.abs(np.linalg.det(a)) > 1e-9
@@ -100,5 +125,7 @@ def nearest(model: str, H: Homography, points: FloatArray) -> Homography:
     """The transformation of `model` that moves `points` (N, 2) most nearly as H does; H itself if it is projective."""
     if model == "projective":
         return H
+    if model == "rigid":
+        return rigid_homographies(points, apply(H, points))
     a, b = design_rows(model, points, apply(H, points))
     return homographies(model, np.linalg.lstsq(a, b, rcond=None)[0])

@@ -13,6 +13,7 @@ from stab_ros.core.errors import ConfigError
 from stab_ros.core.evaluation import EvaluatorConfig
 from stab_ros.core.stabilizer import StabilizerConfig
 from stab_ros.methods import METHODS
+from stab_ros.methods.presets import PRESETS
 
 
 @dataclass(frozen=True)
@@ -39,11 +40,21 @@ def _areas() -> Iterator[Parameter]:
 
 
 def _of_the_tracker() -> Iterator[Parameter]:
-    yield from parameters_of(StabilizerConfig)
+    for one in parameters_of(StabilizerConfig):
+        yield _method_or_preset(one) if one.name == "method" else one
     yield from _areas()
+    yield Parameter("points_file", "", Range("a CSV name,x,y of points in reference px for the method to go by, for "
+                                             'methods that take points; "": it chooses them itself'))
+    yield Parameter("manual_points", "", Range("the same as JSON [[x, y], ...]"))
     yield Parameter("use_camera_info", False, Range("remove lens distortion as camera_info describes it"))
     for name, method in METHODS.items():
         yield from parameters_of(method.Config, f"{name}.")
+
+
+def _method_or_preset(method: Parameter) -> Parameter:
+    choices = (*method.limits.choices, *PRESETS)
+    doc = f"{method.limits.doc}; a preset stands for a method and values of other parameters"
+    return dataclasses.replace(method, limits=dataclasses.replace(method.limits, doc=doc, choices=choices))
 
 
 def _of_the_evaluator() -> Iterator[Parameter]:
@@ -77,13 +88,35 @@ def _checked(name: str, value: object, table: Table) -> Value:
     return checked(name, value, parameter.default, parameter.limits)
 
 
+def resolved(values: Mapping[str, Value]) -> dict[str, Value]:
+    """`values` with those of the preset that `method` names below them, and the preset's method in its place."""
+    preset = PRESETS.get(str(values.get("method", "")))
+    return dict(values) if preset is None else {**preset, **values, "method": preset["method"]}
+
+
+def table_with_preset(method: object) -> Table:
+    """PARAMETERS with the defaults that a preset of this name gives them; as they are for any other name."""
+    if not isinstance(method, str) or method not in PRESETS:
+        return PARAMETERS
+    defaults = checked_values({**PRESETS[method], "method": method})
+    return {name: dataclasses.replace(one, default=defaults.get(name, one.default)) for name, one in PARAMETERS.items()}
+
+
+def check_change(old: Mapping[str, Value], changed: Mapping[str, Value]) -> None:
+    """Raises ConfigError for another preset: its values are defaults, and all parameters have theirs once we run."""
+    method = changed.get("method")
+    if method in PRESETS and method != old.get("method"):
+        raise ConfigError(f"method: the preset {method} can only be chosen at the start; "
+                          f"set method to {PRESETS[str(method)]['method']} and its parameters one by one")
+
+
 def stabilizer_config(values: Mapping[str, Value]) -> StabilizerConfig:
-    """The engine's settings: defaults, overridden by `values` (checked ones).
+    """The engine's settings: defaults, overridden by a preset, overridden by `values` (checked ones).
 
     Raises:
         ConfigError: as `checked_values`.
     """
-    values = checked_values(values)
+    values = checked_values(resolved(checked_values(values)))
     own = {item.name for item in dataclasses.fields(StabilizerConfig)}
     chosen: Any = {name: value for name, value in values.items() if name in own}
     config = StabilizerConfig(**chosen)

@@ -12,20 +12,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from stab_ros.core import estimators
+from stab_ros.core.bases import REFERENCES, Base, Place, make_base, reference_base
 from stab_ros.core.camera import Camera
 from stab_ros.core.config import Checked, setting
 from stab_ros.core.errors import InputError
-from stab_ros.core.geometry import apply, inside, is_plausible, sigma_px
+from stab_ros.core.geometry import is_plausible, sigma_px
 from stab_ros.core.gray import depth_scale, to_gray
 from stab_ros.core.models import MODELS
-from stab_ros.core.overview import Overview
+from stab_ros.core.points import check_count
 from stab_ros.core.reference import Motion, Reference, is_textured
 from stab_ros.core.region import Area
-from stab_ros.core.static_features import StaticFeatures
 from stab_ros.core.types import (
+    NO_POINTS,
     BoolArray,
     Correspondences,
     Fit,
+    FloatArray,
     Frame,
     Gray,
     Homography,
@@ -35,7 +37,7 @@ from stab_ros.core.types import (
     Track,
 )
 from stab_ros.core.warp import INTERPOLATION, warp
-from stab_ros.methods import METHODS, Method
+from stab_ros.methods import METHODS
 
 
 @dataclass(frozen=True)
@@ -45,12 +47,15 @@ class StabilizerConfig(Checked):
     method: str = setting("direct", "how features are found again", choices=tuple(METHODS))
     model: str = setting("projective", "transformation model", choices=MODELS)
     estimator: str = setting("magsac", "how the homography is fitted", choices=tuple(estimators.ESTIMATORS))
-    reference: str = setting("fixed", "what frames are compared with: the first one", choices=("fixed",))
+    reference: str = setting("fixed", "what frames are compared with: the first one; a later one whose features are "
+                             "carried to the first; or the one before, in a chain", choices=REFERENCES)
+    update_every: int = setting(1, "with `reference` updated: after so many frames features are found anew", 1, 100000)
     on_lost: str = setting("drop", "image_stabilized of a lost frame: none, the last homography, or unwarped",
                            choices=("drop", "hold", "pass"))
     interpolation: str = setting("linear", "of image_stabilized", choices=tuple(INTERPOLATION))
     threshold: float = setting(0.5, "a feature further than this from the fit is an outlier, px", 0.01, 20.0)
-    min_inliers: int = setting(12, "with fewer inliers the frame is lost", 4, 10000)
+    ransac_threshold: float = setting(3.0, "of the consensus that ed_ransac filters with `threshold`, px", 0.01, 50.0)
+    min_inliers: int = setting(12, "with fewer inliers the frame is lost", 1, 10000)
     min_inlier_share: float = setting(0.1, "with a smaller share of the trusted features in view the frame is lost",
                                       0.0, 1.0)
     max_sigma: float = setting(1.0, "with a larger uncertainty of the homography the frame is lost, px", 0.001, 100.0)
@@ -60,11 +65,17 @@ class StabilizerConfig(Checked):
 class Stabilizer:
     """Tracks a stream against its first textured frame.
 
-    area: where static ground may be looked for. camera: removes lens distortion first, if given.
+    area: where static ground may be looked for. camera: removes lens distortion first, if given. points_px: (n, 2)
+    float64, the features to go by, in px of the reference; none: the method chooses them.
+
+    Raises:
+        InputError: the method takes no points, or they are too few.
     """
 
-    def __init__(self, config: StabilizerConfig, area: Area | None = None, camera: Camera | None = None) -> None:
-        self._config, self._area, self._camera = config, area or Area(), camera
+    def __init__(self, config: StabilizerConfig, area: Area | None = None, camera: Camera | None = None,
+                 points_px: FloatArray = NO_POINTS) -> None:
+        _check_points(config, points_px)
+        self._config, self._area, self._points_px, self._camera = config, area or Area(), points_px, camera
         self._reference: Reference | None = None
         self._motion = Motion(np.eye(3), 0)
         self._frames, self._references = 0, 0
@@ -78,7 +89,7 @@ class Stabilizer:
         """Where the frame lies in the reference; the first textured frame, and one of another size, becomes it.
 
         Raises:
-            InputError: `roi` and `exclude` do not fit the reference, or the camera does not fit the frame.
+            InputError: `roi`, `exclude` or points do not fit the reference, or the camera does not fit the frame.
         """
         index, self._frames = self._frames, self._frames + 1
         if self._reference is None or self._reference.frame.size != frame.size:
@@ -87,9 +98,7 @@ class Stabilizer:
         for guess in self._guesses(gray, frame.stamp_ns):
             pairs, fit = self._align(gray, guess)
             if fit is not None and self._accepts(fit, frame.size):
-                self._motion = self._motion.then(fit.ref_H_cur, frame.stamp_ns)
-                self._features.learn(pairs, fit, self._in_view(fit.ref_H_cur, frame.size))
-                return self._tracked(index, frame, pairs, fit)
+                return self._tracked(index, frame, gray, pairs, fit)
         self._motion = self._motion.standing()
         return self._lost(index, frame, len(pairs))
 
@@ -108,20 +117,36 @@ class Stabilizer:
         """The next textured frame becomes the reference."""
         self._reference = None
 
-    def reconfigure(self, config: StabilizerConfig, area: Area) -> None:
+    def reconfigure(self, config: StabilizerConfig, area: Area, points_px: FloatArray = NO_POINTS) -> None:
         """Other settings from the next frame on, against the same reference.
 
         Raises:
-            InputError: `area` does not fit the reference or leaves too little of it; nothing has changed then.
+            InputError: `area` or the points do not fit the reference, or leave too little of it; nothing has changed
+                then.
         """
+        _check_points(config, points_px)
         if self._reference is not None:
-            allowed = area.allowed(self._reference.frame.size)
-            same = (config.method, config.method_config) == (self._config.method, self._config.method_config)
-            rebuild = not same or not np.array_equal(allowed, self._allowed)
-            if rebuild and not self._prepare(self._reference, config, allowed):
-                raise InputError(f"{config.method} finds fewer than {config.min_inliers} features in the reference, "
-                                 "roi and exclude must leave more texture")
-        self._config, self._area = config, area
+            self._rebuild(self._reference, config, area.allowed(self._reference.frame.size), points_px)
+        self._config, self._area, self._points_px = config, area, points_px
+
+    def _rebuild(self, reference: Reference, config: StabilizerConfig, allowed: BoolArray,
+                 points_px: FloatArray) -> None:
+        """The base anew, where the settings want that; the reference itself if they fix it."""
+        old = self._config
+        same = ((config.method, config.method_config, config.reference)
+                == (old.method, old.method_config, old.reference)
+                and np.array_equal(allowed, self._allowed) and np.array_equal(points_px, self._points_px))
+        if same:
+            return
+        what = (config.method, config.method_config, allowed, points_px)
+        if config.reference == "fixed" or self._base.gray is reference.gray:
+            base = reference_base(reference.gray, *what)
+        else:
+            base = make_base(self._base.gray, self._base.place, *what)
+        if len(base.features_px) < config.min_inliers:
+            raise InputError(f"{config.method} finds fewer than {config.min_inliers} features in the reference, "
+                             "roi and exclude must leave more texture")
+        self._take(base, allowed)
 
     @property
     def reference(self) -> Frame | None:
@@ -153,62 +178,69 @@ class Stabilizer:
         if not is_textured(gray):
             return self._lost(index, frame, 0)
         own = dataclasses.replace(frame, image=frame.image.copy())  # the caller may use its buffer again
-        reference = Reference(own, gray.copy(), scale)
-        if not self._prepare(reference, self._config, self._area.allowed(frame.size)):
+        reference, allowed = Reference(own, gray.copy(), scale), self._area.allowed(frame.size)
+        config = self._config
+        base = reference_base(reference.gray, config.method, config.method_config, allowed, self._points_px)
+        found = len(base.features_px)
+        if found < config.min_inliers:
             return self._lost(index, frame, 0)
+        self._take(base, allowed)
+        self._reference = reference
         self._motion = Motion(np.eye(3), frame.stamp_ns)
         self._references += 1
-        found = len(self._method.reference_px)
         return Track(State.TRACKED, index, frame.stamp_ns, frame.stamp_ns, self.reset_counter, found, found,
                      np.eye(3), np.zeros((8, 8)), 0.0, 0.0)
 
-    def _prepare(self, reference: Reference, config: StabilizerConfig, allowed: BoolArray) -> bool:
-        """All that depends on the reference alone; False, and nothing has changed, if it has too few features."""
-        kind = METHODS[config.method]
-        method = kind(reference.gray, allowed, config.method_config or kind.Config())
-        if len(method.reference_px) < config.min_inliers:
-            return False
-        self._method: Method = method
-        self._overview = Overview(reference.gray)
-        self._features = StaticFeatures(len(self._method.reference_px))
+    def _take(self, base: Base, allowed: BoolArray) -> None:
+        self._base, self._allowed, self._base_age = base, allowed, 0
         self._last_match: tuple[Correspondences, Fit | None] | None = None
-        self._allowed = allowed
-        self._reference = reference
-        return True
 
     def _guesses(self, gray: Gray, stamp_ns: int) -> Iterator[Homography]:
         """Where the frame may lie: going on as before, or having stopped, or wherever it has jumped to."""
         yield self._motion.predict(stamp_ns)
         yield self._motion.last
-        yield self._overview.corrected(gray, self._motion.last)
+        yield self._base.jumped(gray, self._motion.last)
 
     def _align(self, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
         """Match and fit from a guess."""
-        pairs = self._method.match(gray, guess, self._features.trust)
-        trust = self._features.trust[pairs.feature_id]
-        fit = estimators.fit(pairs, self._config.model, self._config.estimator, self._config.threshold, guess, trust)
-        self._last_match = (pairs, fit)
-        return pairs, fit
+        self._last_match = self._base.align(gray, guess, self._solve, chain=self._config.reference == "adjacent")
+        return self._last_match
+
+    def _solve(self, pairs: Correspondences, guess: Homography, trust: FloatArray) -> Fit | None:
+        config = self._config
+        return estimators.fit(pairs, config.model, config.estimator, config.threshold, guess, trust,
+                              config.ransac_threshold)
 
     def _accepts(self, fit: Fit, size: tuple[int, int]) -> bool:
-        """The gate: a motion that a camera can make, enough agreement, and a certain result."""
-        if not is_plausible(fit.ref_H_cur, size):
+        """The gate: a motion that a camera can make, enough agreement, and a certain result of this comparison."""
+        if not is_plausible(self._base.place.to_base(fit.ref_H_cur), size):
             return False
         inliers = int(fit.inlier.sum())
-        expected = float(self._features.trust[self._in_view(fit.ref_H_cur, size)].sum())
+        expected = self._base.expected(fit.ref_H_cur)
         return (
             inliers >= max(self._config.min_inliers, self._config.min_inlier_share * expected)
             and sigma_px(fit.ref_H_cur, fit.covariance, size) <= self._config.max_sigma
         )
 
-    def _in_view(self, ref_H_cur: Homography, size: tuple[int, int]) -> BoolArray:
-        """(features,) bool: which of the reference's features lie in the frame."""
-        return inside(apply(np.linalg.inv(ref_H_cur), self._method.reference_px), size)
-
-    def _tracked(self, index: int, frame: Frame, pairs: Correspondences, fit: Fit) -> Track:
+    def _tracked(self, index: int, frame: Frame, gray: Gray, pairs: Correspondences, fit: Fit) -> Track:
+        """The answer of an accepted fit, which the next frames go by."""
+        self._motion = self._motion.then(fit.ref_H_cur, frame.stamp_ns)
+        self._base.learn(pairs, fit)
+        covariance = self._base.place.accumulated(fit, frame.size)
+        self._move_base(gray, Place(fit.ref_H_cur, covariance))
         return Track(State.TRACKED, index, frame.stamp_ns, self._reference_stamp_ns, self.reset_counter, len(pairs),
-                     int(fit.inlier.sum()), fit.ref_H_cur, fit.covariance, fit.rmse_px,
-                     sigma_px(fit.ref_H_cur, fit.covariance, frame.size))
+                     int(fit.inlier.sum()), fit.ref_H_cur, covariance, fit.rmse_px,
+                     sigma_px(fit.ref_H_cur, covariance, frame.size))
+
+    def _move_base(self, gray: Gray, place: Place) -> None:
+        """The frame just tracked becomes the base if it is time for that; the old one goes on if it cannot."""
+        self._base_age += 1
+        config = self._config
+        if config.reference == "fixed" or (config.reference == "updated" and self._base_age < config.update_every):
+            return
+        base = make_base(gray.copy(), place, config.method, config.method_config, self._allowed, self._points_px)
+        if len(base.features_px) >= config.min_inliers:
+            self._base, self._base_age = base, 0
 
     def _lost(self, index: int, frame: Frame, matches: int) -> Track:
         return Track(State.LOST, index, frame.stamp_ns, self._reference_stamp_ns, self.reset_counter, matches)
@@ -216,3 +248,10 @@ class Stabilizer:
     @property
     def _reference_stamp_ns(self) -> int:
         return self._reference.frame.stamp_ns if self._reference else 0
+
+
+def _check_points(config: StabilizerConfig, points_px: FloatArray) -> None:
+    """Raises InputError for points that the settings have no use for."""
+    if len(points_px) and not METHODS[config.method].takes_points:
+        raise InputError(f"points: {config.method} finds its features itself, leave out points_file and manual_points")
+    check_count(points_px, config.model, config.min_inliers)

@@ -20,7 +20,8 @@ FloatArray: TypeAlias = NDArray[np.floating[Any]]
 BoolArray: TypeAlias = NDArray[np.bool_]
 IdArray: TypeAlias = NDArray[np.int64]
 
-NO_POINTS: FloatArray = np.empty((0, 2))
+NO_POINTS: FloatArray = np.empty((0, 2))  # the user names none
+NO_POINTS.flags.writeable = False
 
 CHANNELS = {"mono8": 1, "mono16": 1, "bgr8": 3, "rgb8": 3, "bgra8": 4, "rgba8": 4}
 
@@ -92,12 +93,15 @@ class Fit:
     inlier: (N,) bool over the correspondences.
     covariance: (8, 8) of h00, h01, h02, h10, h11, h12, h20, h21 (h22 = 1 is fixed).
     rmse_px: root mean square distance of the inliers, reference side.
+    consensus: how many correspondences the consensus of the estimator's RANSAC held, before any were dropped from it
+    (FS of Zhang et al. 2023; the inliers are FP, their share in percent is CMR); None where it has no such stage.
     """
 
     ref_H_cur: Homography
     inlier: BoolArray
     covariance: FloatArray
     rmse_px: float
+    consensus: int | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from stab_ros.core.parameters import (
     stabilizer_config,
 )
 from stab_ros.core.stabilizer import Stabilizer
-from stab_ros.io.points import read_points
+from stab_ros.io.points import read_points, read_tracking_points
 from stab_ros.io.regions import read_area
 from stab_ros.io.text import one_line
 
@@ -37,18 +37,18 @@ def make_stabilizer(values: Mapping[str, Value], camera: Camera | None = None) -
     """An engine with the defaults overridden by `values`.
 
     Raises:
-        InputError: a value or a region is wrong.
+        InputError: a value, a region or the points are wrong.
     """
-    return Stabilizer(stabilizer_config(values), read_area(values), camera)
+    return Stabilizer(stabilizer_config(values), read_area(values), camera, read_tracking_points(values))
 
 
 def reconfigure(stabilizer: Stabilizer, values: Mapping[str, Value]) -> None:
     """The engine's settings as `make_stabilizer` would make them; unchanged if that fails.
 
     Raises:
-        InputError: a value or a region is wrong, or the region does not fit the reference.
+        InputError: a value, a region or the points are wrong, or do not fit the reference.
     """
-    stabilizer.reconfigure(stabilizer_config(values), read_area(values))
+    stabilizer.reconfigure(stabilizer_config(values), read_area(values), read_tracking_points(values))
 
 
 def make_evaluator(values: Mapping[str, Value]) -> Evaluator:

@@ -1,16 +1,47 @@
-"""Points that the user names, in reference pixels: a CSV `name,x,y`."""
+"""Points that the user names, in reference pixels: a CSV `name,x,y`, or JSON [[x, y], ...]."""
 
 from __future__ import annotations
 
 import csv
+import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
+from stab_ros.core.config import Value
 from stab_ros.core.errors import InputError
+from stab_ros.core.types import NO_POINTS, FloatArray
 
 COLUMNS = ("name", "x", "y")
 NamedPoint = tuple[str, float, float]
+
+
+def read_tracking_points(values: Mapping[str, Value]) -> FloatArray:
+    """The points of the parameters `points_file` and `manual_points`, (n, 2) float64; none without either.
+
+    Raises:
+        InputError: both are given, or one is no list of points.
+    """
+    file, text = str(values.get("points_file", "")), str(values.get("manual_points", "")).strip()
+    if file and text:
+        raise InputError("points_file and manual_points are both given, it must be one of them")
+    if file:
+        return np.array([(x, y) for _, x, y in read_points(Path(file))])
+    return _listed(text) if text else NO_POINTS
+
+
+def _listed(text: str) -> FloatArray:
+    try:
+        points = np.array(json.loads(text), dtype=np.float64)
+    except (ValueError, TypeError, OverflowError, RecursionError) as error:
+        raise InputError(f"manual_points: it must be JSON [[x, y], ...] ({error})") from error
+    if points.ndim != 2 or points.shape[1] != 2 or not len(points):
+        raise InputError(f"manual_points: {text[:80]!r} is no list of points, it must be JSON [[x, y], ...]")
+    if not np.isfinite(points).all():
+        raise InputError(f"manual_points: {text[:80]!r} must hold finite pixels")
+    return points
 
 
 def read_points(path: Path) -> tuple[NamedPoint, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Protocol
 
-from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography
+from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography
 from stab_ros.methods.direct import Direct
 from stab_ros.methods.fft import Fft
 from stab_ros.methods.klt import Klt
@@ -20,9 +20,14 @@ class Method(Protocol):
     """
 
     Config: ClassVar[type[Any]]  # frozen dataclass of `core.config.setting` fields: parameters `<name>.*`
+    takes_points: ClassVar[bool]  # whether the user may name the features
 
-    def __init__(self, reference: Gray, allowed: BoolArray, config: Any) -> None:
-        """reference: (h, w) uint8. allowed: (h, w) bool, where features may lie."""
+    def __init__(self, reference: Gray, allowed: BoolArray, config: Any, points_px: FloatArray = NO_POINTS) -> None:
+        """reference: (h, w) uint8. allowed: (h, w) bool, where features may lie that the method chooses.
+
+        points_px: (n, 2) float64, the features that the user names, wherever `allowed`; none: the method chooses.
+        One that is of no use (too near the border, no texture) is left out; the engine says which.
+        """
 
     @property
     def reference_px(self) -> FloatArray:

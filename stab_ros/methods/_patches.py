@@ -103,6 +103,12 @@ def choose(gray: Gray, allowed: BoolArray, count: int, radius: int, least_textur
     return np.stack([column * side + x, row * side + y], axis=1)[strongest].astype(np.int64)
 
 
+def within(centres: IdArray, shape: tuple[int, ...], radius: int) -> IdArray:
+    """Those of the centres (n, 2) that keep as clear of the border of a picture of `shape` as those of `choose`."""
+    margin = radius + _BORDER
+    return centres[((centres >= margin) & (centres < np.array(shape[1::-1]) - margin)).all(axis=1)]
+
+
 def cut(gray: Gray, centres: IdArray, radius: int) -> Patches:
     """The patches of `gray` about `centres`, which keep clear of the border as those of `choose` do."""
     template = _windows(gray, centres, radius)

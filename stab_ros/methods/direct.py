@@ -10,7 +10,7 @@ touches every pixel of a frame.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import cv2
@@ -19,7 +19,8 @@ import numpy as np
 from stab_ros.core import estimators
 from stab_ros.core.config import Checked, setting
 from stab_ros.core.geometry import apply, level_scale, normalized, rms_distance
-from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray
+from stab_ros.core.models import MODELS, minimal_points
+from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray
 from stab_ros.methods import _patches
 from stab_ros.methods._patches import Patches
 
@@ -42,6 +43,12 @@ class Steps:
 
 _COARSE = Steps(3, "affine", 1.0, 0.2)
 _FINE = Steps(4, "projective", 0.5, 0.01)
+
+
+def _finely(patches: int) -> Steps:
+    """At full resolution, in the largest model that so many patches determine."""
+    models = [model for model in MODELS if minimal_points(model) <= patches]
+    return replace(_FINE, model=models[-1]) if models else _FINE
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,12 +86,21 @@ class Direct:
     """`stab_ros.methods.Method` by direct alignment."""
 
     Config: ClassVar[type[Any]] = DirectConfig
+    takes_points: ClassVar[bool] = True
 
-    def __init__(self, reference: Gray, allowed: BoolArray, config: DirectConfig) -> None:
-        """reference: (h, w) uint8. allowed: (h, w) bool, where patches may lie."""
+    def __init__(self, reference: Gray, allowed: BoolArray, config: DirectConfig,
+                 points_px: FloatArray = NO_POINTS) -> None:
+        """reference: (h, w) uint8. allowed: (h, w) bool, where patches may lie. points_px: (n, 2), or none.
+
+        Given points are the centres of the patches that measure, to the whole px; those of the coarser levels, which
+        only find the way, lie where they are allowed.
+        """
         self._config = config
         pyramid = build_pyramid(reference)
-        centres = _patches.choose(reference, allowed, config.patches, config.radius, config.min_texture)
+        if len(points_px):
+            centres = _patches.within(np.round(points_px).astype(np.int64), reference.shape, config.radius)
+        else:
+            centres = _patches.choose(reference, allowed, config.patches, config.radius, config.min_texture)
         if config.subset != "all":
             centres = centres[config.subset == "odd" :: 2]
         self._fine = _patches.cut(reference, centres, config.radius)
@@ -119,7 +135,7 @@ class Direct:
         """`guess` corrected at full resolution by an even share of the patches that are trusted."""
         trusted = np.flatnonzero(trust > _TRUSTED)
         chosen = trusted[:: max(1, len(trusted) // _ALIGNING_PATCHES)]
-        better = self._align(self._fine, chosen, gray, guess, trust, _FINE)
+        better = self._align(self._fine, chosen, gray, guess, trust, _finely(len(chosen)))
         return guess if better is None else better
 
     def _align(self, patches: Patches, chosen: IdArray, gray: Gray, H: Homography, trust: FloatArray,

@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 
 from stab_ros.core.config import Checked, setting
-from stab_ros.core.geometry import apply
-from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray
+from stab_ros.core.geometry import apply, inside
+from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray
 from stab_ros.methods import _patches
 
 _SIGMA_PX = 0.1  # of one tracked corner; measured on synthetic scenes with 2 grey levels of noise
@@ -37,12 +37,19 @@ class Klt:
     """`stab_ros.methods.Method` by corners and optical flow."""
 
     Config: ClassVar[type[Any]] = KltConfig
+    takes_points: ClassVar[bool] = True
 
-    def __init__(self, reference: Gray, allowed: BoolArray, config: KltConfig) -> None:
-        """reference: (h, w) uint8. allowed: (h, w) bool, where corners may lie."""
+    def __init__(self, reference: Gray, allowed: BoolArray, config: KltConfig,
+                 points_px: FloatArray = NO_POINTS) -> None:
+        """reference: (h, w) uint8. allowed: (h, w) bool, where corners may lie. points_px: (n, 2), or none."""
         self._config, self._reference = config, reference
-        centres = _patches.choose(reference, allowed, config.corners, config.block // 2, config.min_texture)
-        self._corners = centres.astype(np.float32)
+        radius = config.block // 2
+        if len(points_px):
+            within = inside(points_px - radius, (reference.shape[1] - 2 * radius, reference.shape[0] - 2 * radius))
+            self._corners = points_px[within].astype(np.float32)
+        else:
+            centres = _patches.choose(reference, allowed, config.corners, radius, config.min_texture)
+            self._corners = centres.astype(np.float32)
 
     @property
     def reference_px(self) -> FloatArray:

@@ -39,6 +39,11 @@ def declare(node: Node, table: Mapping[str, Parameter], changeable: Collection[s
     return values
 
 
+def given(node: Node, name: str) -> object:
+    """What the user gave for a parameter, before `declare` has judged it; None: nothing."""
+    return node.get_parameter(name).value if node.has_parameter(name) else None
+
+
 def _take_override(node: Node, parameter: Parameter) -> Value:
     if not node.has_parameter(parameter.name):
         return parameter.default

@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 from stab_ros.core.config import Checked, Value, setting
 from stab_ros.core.debug import draw_debug
 from stab_ros.core.errors import InputError
-from stab_ros.core.parameters import PARAMETERS
+from stab_ros.core.parameters import PARAMETERS, check_change, table_with_preset
 from stab_ros.core.stabilizer import Stabilizer
 from stab_ros.core.types import Frame, State, Track
 from stab_ros.io.engine import make_stabilizer, reconfigure
@@ -66,7 +66,8 @@ class TrackerNode(StabNode):
 
     def __init__(self) -> None:
         super().__init__("tracker_node")
-        values = params.declare(self, {**PARAMETERS, **SETTINGS}, CHANGEABLE)
+        table = table_with_preset(params.given(self, "method"))
+        values = params.declare(self, {**table, **SETTINGS}, CHANGEABLE)
         params.warn_of_unknown(self, values)
         chosen: Any = {item.name: values.pop(item.name) for item in fields(TrackerSettings)}
         self.settings = TrackerSettings(**chosen)
@@ -185,6 +186,7 @@ class TrackerNode(StabNode):
         return response
 
     def _change(self, changed: dict[str, Value]) -> None:
+        check_change(self.values, changed)
         values = {**self.values, **changed}
         reconfigure(self.stabilizer, values)
         self.values = values

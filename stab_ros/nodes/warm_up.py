@@ -14,7 +14,7 @@ from stab_ros.io.engine import make_evaluator, make_stabilizer
 from stab_ros.io.messages import IMAGE, Header, image_cdr, read_image
 
 _SIZE = (320, 240)
-_OF_THE_STREAM = ("roi", "exclude", "points_file")  # what refers to pixels of the real reference
+_OF_THE_STREAM = ("roi", "exclude", "points_file", "manual_points")  # what refers to pixels of the real reference
 
 
 def warm_up(values: Mapping[str, Value]) -> None:
