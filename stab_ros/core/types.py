@@ -20,6 +20,8 @@ FloatArray: TypeAlias = NDArray[np.floating[Any]]
 BoolArray: TypeAlias = NDArray[np.bool_]
 IdArray: TypeAlias = NDArray[np.int64]
 
+NO_POINTS: FloatArray = np.empty((0, 2))
+
 CHANNELS = {"mono8": 1, "mono16": 1, "bgr8": 3, "rgb8": 3, "bgra8": 4, "rgba8": 4}
 
 

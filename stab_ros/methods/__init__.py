@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Protocol
 
-from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography
+from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography
 from stab_ros.methods.direct import Direct
 from stab_ros.methods.klt import Klt
+from stab_ros.methods.sift import Sift
 
 
 class Method(Protocol):
@@ -18,8 +19,8 @@ class Method(Protocol):
 
     Config: ClassVar[type[Any]]  # frozen dataclass of `core.config.setting` fields: parameters `<name>.*`
 
-    def __init__(self, reference: Gray, allowed: BoolArray, config: Any) -> None:
-        """reference: (h, w) uint8. allowed: (h, w) bool, where features may lie."""
+    def __init__(self, reference: Gray, allowed: BoolArray, config: Any, points_px: FloatArray = NO_POINTS) -> None:
+        """reference: (h, w) uint8. allowed: (h, w) bool, where features may lie. points_px: (n, 2), the user's own."""
 
     @property
     def reference_px(self) -> FloatArray:
@@ -32,4 +33,8 @@ class Method(Protocol):
         """
 
 
-METHODS: dict[str, type[Method]] = {"direct": Direct, "klt": Klt}
+METHODS: dict[str, type[Method]] = {
+    "direct": Direct,
+    "klt": Klt,
+    "sift": Sift,
+}
