@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Any, ClassVar, Protocol
 
 from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography
+from stab_ros.methods.akaze import Akaze
 from stab_ros.methods.direct import Direct
+from stab_ros.methods.fast_freak import FastFreak
 from stab_ros.methods.klt import Klt
 from stab_ros.methods.sift import Sift
 
@@ -37,4 +39,6 @@ METHODS: dict[str, type[Method]] = {
     "direct": Direct,
     "klt": Klt,
     "sift": Sift,
+    "akaze": Akaze,
+    "fast_freak": FastFreak,
 }
