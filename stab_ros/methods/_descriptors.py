@@ -1,6 +1,6 @@
 """What the methods by descriptors share: key points of two pictures, and which of them are the same place.
 
-Matches are each other's nearest descriptor, clearly nearer than the second (Lowe 2004, section 7.1), and one to a place:
+Matches are each other's nearest descriptor, clearly nearer than the second (Lowe 2004, section 7.1), and one a place:
 a key point with two orientations has two descriptors, but is one measurement. Nothing here depends on the guess, so a
 camera that has jumped or turned is found again as easily as one that stands.
 """
@@ -69,14 +69,11 @@ class DescriptorMethod:
 
     takes_points: ClassVar[bool] = False
 
-    def __init__(self, find: Find, rule: Rule, reference: Gray, allowed: BoolArray) -> None:
-        """reference: (h, w) uint8. allowed: (h, w) bool, where key points of the reference may lie."""
-        self._rule, self._find = rule, Remembered(find)
-        found = find(reference)
-        column, row = np.round(found.px).astype(np.int64).T
-        self._features = found[allowed[row, column]]
+    def __init__(self, features: Features, find: Find, rule: Rule) -> None:
+        """features: of the reference. find: finds those of a frame."""
+        self._features, self._find, self._rule = features, Remembered(find), rule
         self.reference_px: FloatArray
-        self.reference_px, place = np.unique(self._features.px, axis=0, return_inverse=True)
+        self.reference_px, place = np.unique(features.px, axis=0, return_inverse=True)
         self._place = place.reshape(-1)
 
     def match(self, current: Gray, guess: Homography, trust: FloatArray) -> Correspondences:
@@ -86,6 +83,12 @@ class DescriptorMethod:
         variance = self._features.sigma_px[one] ** 2 + now.sigma_px[other] ** 2
         information = np.eye(2) / variance[:, None, None]
         return Correspondences(feature_id, self.reference_px[feature_id], now.px[other], information)
+
+
+def within(features: Features, allowed: BoolArray) -> Features:
+    """Those that lie where `allowed`, (h, w) bool."""
+    column, row = np.round(features.px).astype(np.int64).T
+    return features[allowed[row, column]]
 
 
 def matched(ones: Features, others: Features, rule: Rule) -> tuple[IdArray, IdArray]:

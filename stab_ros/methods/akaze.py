@@ -14,7 +14,7 @@ import numpy as np
 
 from stab_ros.core.config import Checked, setting
 from stab_ros.core.types import NO_POINTS, BoolArray, FloatArray, Gray
-from stab_ros.methods._descriptors import DescriptorMethod, Features, Rule, contrib, spread
+from stab_ros.methods._descriptors import DescriptorMethod, Features, Rule, contrib, spread, within
 
 # Of a place along either axis, measured against the truth of synthetic flights, by the size of the key point.
 _SIGMA_PX, _SIGMA_SHARE = 0.025, 0.006
@@ -46,7 +46,8 @@ class Akaze(DescriptorMethod):
         self._most = config.features
         self._detector = contrib("AKAZE_create")(threshold=config.threshold, nOctaves=config.octaves,
                                                  nOctaveLayers=config.layers)
-        super().__init__(self._found, Rule(config.ratio, cv2.NORM_HAMMING), reference, allowed)
+        rule = Rule(config.ratio, cv2.NORM_HAMMING)
+        super().__init__(within(self._found(reference), allowed), self._found, rule)
 
     def _found(self, gray: Gray) -> Features:
         points, descriptor = self._detector.detectAndCompute(gray, None)

@@ -1,8 +1,8 @@
 """FAST corners (Rosten and Drummond 2006), described by FREAK (Alahi et al. 2012) and matched by Hamming distance.
 
-The features of VISION (Ljubicic et al. 2021, section 2.2), which are those of MATLAB: a corner's contrast and quality are
-shares of the grey scale and of the strongest corner, an even share of the corners is used, and a match differs in few
-of its 512 bits. MATLAB's corners lie at whole px; here they are refined unless `subpixel` is off.
+The features of VISION (Ljubicic et al. 2021, section 2.2), which are those of MATLAB: a corner's contrast and quality
+are shares of the grey scale and of the strongest corner, an even share of the corners is used, and a match differs in
+few of its 512 bits. MATLAB's corners lie at whole px; here they are refined unless `subpixel` is off.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from stab_ros.core.config import Checked, setting
 from stab_ros.core.types import NO_POINTS, BoolArray, FloatArray, Gray, IdArray
-from stab_ros.methods._descriptors import DescriptorMethod, Features, Rule, contrib, spread
+from stab_ros.methods._descriptors import DescriptorMethod, Features, Rule, contrib, spread, within
 
 _BITS = 512
 _GREY_LEVELS = 255
@@ -32,7 +32,7 @@ class FastFreakConfig(Checked):
 
     intensity: float = setting(0.06, "least contrast of a corner, share of the grey scale", 0.004, 1.0)
     quality: float = setting(0.1, "least response of a corner, share of the strongest corner's", 0.0, 1.0)
-    uniform: float = setting(1.0, "share of the corners that is used, spread evenly", 0.01, 1.0)
+    uniform: float = setting(1.0, "share of the reference's corners that is used, spread evenly", 0.01, 1.0)
     features: int = setting(5000, "most corners of a picture, spread evenly", 16, 50000)
     ratio: float = setting(0.8, "a match is nearer than this times the second nearest descriptor", 0.1, 1.0)
     max_distance: float = setting(0.2, "largest share of a descriptor's bits in which a match differs", 0.01, 1.0)
@@ -55,10 +55,12 @@ class FastFreak(DescriptorMethod):
         self._fast = cv2.FastFeatureDetector.create(max(1, round(config.intensity * _GREY_LEVELS)))
         self._freak = contrib("FREAK_create")()
         rule = Rule(config.ratio, cv2.NORM_HAMMING, config.max_distance * _BITS)
-        super().__init__(self._found, rule, reference, allowed)
+        features = within(self._found(reference, config.uniform), allowed)
+        super().__init__(features, self._found, rule)
 
-    def _found(self, gray: Gray) -> Features:
-        corners = self._corners(gray)
+    def _found(self, gray: Gray, share: float = 1.0) -> Features:
+        """An even `share` of the corners. In a frame, all: of two halves, only a quarter of the corners is in both."""
+        corners = self._corners(gray, share)
         px = _refined(gray, corners) if self._config.subpixel else corners
         points = [cv2.KeyPoint(x, y, _CORNER_PX, -1, 0, 0, k) for k, (x, y) in enumerate(px.tolist())]
         kept, descriptor = self._freak.compute(gray, points)  # without those too close to the border
@@ -67,14 +69,14 @@ class FastFreak(DescriptorMethod):
         sigma_px = _SIGMA_PX if self._config.subpixel else _WHOLE_SIGMA_PX
         return Features(px[[point.class_id for point in kept]], np.full(len(kept), sigma_px), descriptor)
 
-    def _corners(self, gray: Gray) -> FloatArray:
+    def _corners(self, gray: Gray, share: float) -> FloatArray:
         """(n, 2), whole px."""
         corners = self._fast.detect(gray)
         px = np.array([corner.pt for corner in corners]).reshape(-1, 2)
         response = np.array([corner.response for corner in corners])
         good = response >= self._config.quality * response.max(initial=0)
         px, response = px[good], response[good]
-        count = min(self._config.features, round(self._config.uniform * len(px)))
+        count = min(self._config.features, round(share * len(px)))
         return np.asarray(px[spread(px, response, max(1, count), gray.shape)])
 
 

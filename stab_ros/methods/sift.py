@@ -16,7 +16,7 @@ import numpy as np
 
 from stab_ros.core.config import Checked, setting
 from stab_ros.core.types import NO_POINTS, BoolArray, FloatArray, Gray
-from stab_ros.methods._descriptors import DescriptorMethod, Features, Rule
+from stab_ros.methods._descriptors import DescriptorMethod, Features, Rule, within
 
 _TILE_PX = 480
 _MARGIN_PX = 48  # of a tile, beyond its share of the picture: larger key points are not looked for
@@ -46,7 +46,7 @@ class Sift(DescriptorMethod):
                  points_px: FloatArray = NO_POINTS) -> None:
         """reference: (h, w) uint8. allowed: (h, w) bool, where key points may lie. It takes no `points_px`."""
         self._config = config
-        super().__init__(self._found, Rule(config.ratio), reference, allowed)
+        super().__init__(within(self._found(reference), allowed), self._found, Rule(config.ratio))
 
     def _found(self, gray: Gray) -> Features:
         found = [self._of_tile(gray, *span) for span in _tiles(gray.shape)]
