@@ -67,7 +67,7 @@ class Remembered:
 class DescriptorMethod:
     """`stab_ros.methods.Method` by any detector and descriptor; a place is a feature."""
 
-    takes_points: ClassVar[bool] = False
+    takes_points: ClassVar[bool] = False  # it chooses its features itself
 
     def __init__(self, features: Features, find: Find, rule: Rule) -> None:
         """features: of the reference. find: finds those of a frame."""
