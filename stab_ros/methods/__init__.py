@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Protocol
 from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography
 from stab_ros.methods.akaze import Akaze
 from stab_ros.methods.direct import Direct
+from stab_ros.methods.ecc import Ecc
 from stab_ros.methods.fast_freak import FastFreak
 from stab_ros.methods.klt import Klt
 from stab_ros.methods.sift import Sift
@@ -41,4 +42,5 @@ METHODS: dict[str, type[Method]] = {
     "sift": Sift,
     "akaze": Akaze,
     "fast_freak": FastFreak,
+    "ecc": Ecc,
 }
