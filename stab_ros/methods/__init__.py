@@ -10,6 +10,7 @@ from stab_ros.methods.direct import Direct
 from stab_ros.methods.ecc import Ecc
 from stab_ros.methods.fast_freak import FastFreak
 from stab_ros.methods.klt import Klt
+from stab_ros.methods.sar_sift import SarSift
 from stab_ros.methods.sift import Sift
 
 
@@ -40,6 +41,7 @@ METHODS: dict[str, type[Method]] = {
     "direct": Direct,
     "klt": Klt,
     "sift": Sift,
+    "sar_sift": SarSift,
     "akaze": Akaze,
     "fast_freak": FastFreak,
     "ecc": Ecc,
