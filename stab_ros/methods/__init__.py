@@ -5,10 +5,15 @@ from __future__ import annotations
 from typing import Any, ClassVar, Protocol
 
 from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography
+from stab_ros.methods.akaze import Akaze
 from stab_ros.methods.direct import Direct
+from stab_ros.methods.ecc import Ecc
+from stab_ros.methods.fast_freak import FastFreak
 from stab_ros.methods.fft import Fft
 from stab_ros.methods.klt import Klt
 from stab_ros.methods.region import Region
+from stab_ros.methods.sar_sift import SarSift
+from stab_ros.methods.sift import Sift
 from stab_ros.methods.ssim import Ssim
 
 
@@ -40,4 +45,15 @@ class Method(Protocol):
         """
 
 
-METHODS: dict[str, type[Method]] = {"direct": Direct, "klt": Klt, "fft": Fft, "ssim": Ssim, "region": Region}
+METHODS: dict[str, type[Method]] = {
+    "direct": Direct,
+    "klt": Klt,
+    "fft": Fft,
+    "ssim": Ssim,
+    "region": Region,
+    "fast_freak": FastFreak,
+    "akaze": Akaze,
+    "sift": Sift,
+    "sar_sift": SarSift,
+    "ecc": Ecc,
+}
