@@ -119,10 +119,10 @@ def test_places_given_are_kept_to_half_a_pixel() -> None:
 def test_one_place_near_each_corner_of_what_is_allowed() -> None:
     allowed = EVERYWHERE.copy()
     allowed[:, :150] = False
-    places = _places.corners(picture(), allowed, 32, 16, 0.5)
+    places = _places.corners(picture(), allowed, 4, 32, 16, 0.5)
     np.testing.assert_allclose(places, [[150, 16], [400, 16], [150, 284], [400, 284]], atol=75)
     assert all(allowed[int(y), int(x)] for x, y in places)
-    assert _places.corners(picture(), np.zeros_like(allowed), 32, 16, 0.5).shape == (0, 2)
+    assert _places.corners(picture(), np.zeros_like(allowed), 4, 32, 16, 0.5).shape == (0, 2)
 
 
 def test_places_apart_keep_their_distance_and_margin() -> None:

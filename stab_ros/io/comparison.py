@@ -23,6 +23,7 @@ from stab_ros.io.evaluation import TopicEvaluation
 from stab_ros.io.offline import expected
 from stab_ros.io.source import Picture, Source, open_source
 from stab_ros.methods import METHODS
+from stab_ros.methods.presets import PRESETS
 from stab_ros.metrics.statistics import Summary, summarize
 
 # called after every frame with how many are done, and of how many (None: the input does not say)
@@ -120,7 +121,7 @@ class Comparison:
 
 def known_methods() -> tuple[str, ...]:
     """Everything that `method:=` takes."""
-    return tuple(METHODS)
+    return (*METHODS, *PRESETS)
 
 
 def checked_methods(names: Sequence[str] | None) -> tuple[str, ...]:

@@ -29,8 +29,11 @@ def even(gray: Gray, allowed: BoolArray, count: int, side: int, margin: int, min
     return _centred(centres, side)
 
 
-def corners(gray: Gray, allowed: BoolArray, side: int, margin: int, min_texture: float) -> FloatArray:
-    """(n, 2) px: at most four places, the best textured near each corner of what is allowed."""
+def corners(gray: Gray, allowed: BoolArray, count: int, side: int, margin: int, min_texture: float) -> FloatArray:
+    """(n, 2) px: at most four places, and `count`, the best textured near each corner of what is allowed.
+
+    Four points there determine a homography best, and a river seldom covers all four corners of its picture.
+    """
     score = _patches.texture(gray, side // 2)
     score[~_clear(allowed, margin)] = 0
     rows, columns = np.flatnonzero(score.any(axis=1)), np.flatnonzero(score.any(axis=0))
@@ -39,7 +42,7 @@ def corners(gray: Gray, allowed: BoolArray, side: int, margin: int, min_texture:
     box = score[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     found = [_best(part) + offset for part, offset in _quarters(box) if part.max(initial=0.0) >= min_texture]
     corner = np.array([columns[0], rows[0]])
-    return _centred(corner + np.array(found, np.int64).reshape(-1, 2), side)
+    return _centred(corner + np.array(found[:count], np.int64).reshape(-1, 2), side)
 
 
 def apart(gray: Gray, allowed: BoolArray, count: int, side: int, margin: int, distance_px: float) -> FloatArray:
@@ -82,3 +85,8 @@ def _best(score: FloatArray) -> IdArray:
     """Column and row of the highest score."""
     y, x = np.unravel_index(int(score.argmax()), score.shape)
     return np.array([x, y])
+
+
+LAYOUT = {"even": even, "corners": corners}
+LAYOUTS = tuple(LAYOUT)
+LAYOUT_DOC = "where points lie, if none are given: evenly, or one near each corner"

@@ -50,8 +50,7 @@ class FftConfig(Checked):
     """Parameters `fft.*`."""
 
     points: int = setting(100, "number of points, if none are given", 4, 5000)
-    layout: str = setting("even", "where points lie, if none are given: evenly, or one near each corner",
-                          choices=("even", "corners"))
+    layout: str = setting("even", _places.LAYOUT_DOC, choices=_places.LAYOUTS)
     passes: str = setting("48,32,32", "sides of the areas of each pass, px, even numbers: 32,16")
     steps: str = setting("", "spacing of the 3x3 vectors of each pass but the last, px: 16,8; empty: half the areas")
     follow: bool = setting(True, "areas follow the predicted motion; else they stay")
@@ -143,9 +142,8 @@ class Fft:
         config = self._config
         if len(points_px):
             return _places.manual(points_px, largest)
-        if config.layout == "corners":
-            return _places.corners(reference, allowed, last, largest // 2, config.min_texture)
-        return _places.even(reference, allowed, config.points, last, largest // 2, config.min_texture)
+        return _places.LAYOUT[config.layout](reference, allowed, config.points, last, largest // 2,
+                                             config.min_texture)
 
     def match(self, current: Gray, guess: Homography, trust: FloatArray) -> Correspondences:
         def look(H: Homography, chosen: IdArray) -> Correspondences:

@@ -12,24 +12,26 @@ from types import MappingProxyType
 
 from stab_ros.core.config import Value
 
-_MANUAL: Mapping[str, Value] = {"estimator": "least_squares", "reference": "fixed", "min_inliers": 4}
+# Least squares takes all points; the threshold only says which of them count as inliers. An affine or similarity model
+# alone misses the points by up to 1.2 px.
+_LEAST_SQUARES: Mapping[str, Value] = {"estimator": "least_squares", "threshold": 3.0, "reference": "fixed"}
+_MANUAL: Mapping[str, Value] = {**_LEAST_SQUARES, "min_inliers": 4}
 
 _FFT_CUAS: Mapping[str, Value] = {
-    **_MANUAL, "method": "fft", "model": "affine", "fft.points": 4, "fft.passes": "32,16", "fft.steps": "16,8",
-    "fft.follow": True,
+    **_MANUAL, "method": "fft", "model": "affine", "fft.points": 4, "fft.layout": "corners", "fft.passes": "32,16",
+    "fft.steps": "16,8", "fft.follow": True, "fft.second_look": False,
 }
 _FFT_DCH: Mapping[str, Value] = {
     **_MANUAL, "method": "fft", "model": "projective", "fft.points": 4, "fft.layout": "corners", "fft.passes": "128",
-    "fft.steps": "64", "fft.follow": False,
+    "fft.steps": "64", "fft.follow": False, "fft.second_look": False,
 }
 _SSIMS: Mapping[str, Value] = {
-    **_MANUAL, "method": "ssim", "model": "projective", "ssim.points": 4, "ssim.area": 11, "ssim.search": 21,
-    "ssim.subpixel": 3, "ssim.update_kernels": False,
+    **_MANUAL, "method": "ssim", "model": "projective", "ssim.points": 4, "ssim.layout": "corners", "ssim.area": 11,
+    "ssim.search": 21, "ssim.subpixel": 3, "ssim.update_kernels": False, "ssim.second_look": False,
 }
 _KLT_IV: Mapping[str, Value] = {
-    "method": "klt", "model": "similarity", "estimator": "least_squares", "reference": "fixed",
-    "klt.selection": "quadrants", "klt.share": 0.1, "klt.min_quality": 0.01, "klt.passes": "21", "klt.levels": 5,
-    "klt.max_bidirectional": 1.0,
+    **_LEAST_SQUARES, "method": "klt", "model": "similarity", "klt.selection": "quadrants", "klt.share": 0.1,
+    "klt.min_quality": 0.01, "klt.passes": "21", "klt.levels": 5, "klt.max_bidirectional": 1.0,
 }
 _VISION_FAST: Mapping[str, Value] = {
     "method": "fast_freak", "model": "similarity", "estimator": "ransac", "threshold": 1.5, "reference": "fixed",
@@ -46,22 +48,23 @@ _ED_RANSAC: Mapping[str, Value] = {
     "sift.sigma": 1.6,
 }
 _BLENDER_MANUAL: Mapping[str, Value] = {
-    **_MANUAL, "method": "region", "model": "projective", "region.points": 4, "region.area": 11, "region.search": 21,
-    "region.motion": "translation_rotation_scale", "region.min_correlation": 0.75, "region.blur": 0.9,
-    "region.iterations": 20,
+    **_MANUAL, "method": "region", "model": "projective", "region.points": 4, "region.layout": "corners",
+    "region.area": 11, "region.search": 21, "region.motion": "translation_rotation_scale",
+    "region.min_correlation": 0.75, "region.blur": 0.9, "region.iterations": 20, "region.second_look": False,
 }
+_BLENDER_8: Mapping[str, Value] = {"region.points": 8, "region.layout": "even"}
 _BASENTO_AREAS: Mapping[str, Value] = {"region.area": 21, "region.search": 41}
 
 # name -> parameter -> value; "method" is one of METHODS, explicit parameters override the others
 PRESETS: Mapping[str, Mapping[str, Value]] = MappingProxyType({
     "fft_cuas": _FFT_CUAS,
-    "fft_cuas_alpine": {**_FFT_CUAS, "fft.points": 8},
-    "fft_cuas_basento": {**_FFT_CUAS, "model": "projective", "fft.points": 14, "fft.passes": "64,32",
-                         "fft.steps": "32,16"},
+    "fft_cuas_alpine": {**_FFT_CUAS, "fft.points": 8, "fft.layout": "even"},
+    "fft_cuas_basento": {**_FFT_CUAS, "model": "projective", "fft.points": 14, "fft.layout": "even",
+                         "fft.passes": "64,32", "fft.steps": "32,16"},
     "fft_dch": _FFT_DCH,
     "ssims": _SSIMS,
-    "ssims_alpine": {**_SSIMS, "ssim.points": 5},
-    "ssims_basento": {**_SSIMS, "ssim.points": 8, "ssim.area": 21, "ssim.search": 41},
+    "ssims_alpine": {**_SSIMS, "ssim.points": 5, "ssim.layout": "even"},
+    "ssims_basento": {**_SSIMS, "ssim.points": 8, "ssim.layout": "even", "ssim.area": 21, "ssim.search": 41},
     "klt_iv": _KLT_IV,
     "klt_iv_basento": {**_KLT_IV, "klt.passes": "21,5"},
     "vision_fast": _VISION_FAST,
@@ -69,8 +72,8 @@ PRESETS: Mapping[str, Mapping[str, Value]] = MappingProxyType({
     "flowvelo_akaze_alpine": {**_FLOWVELO_AKAZE, "akaze.threshold": 0.02},
     "ed_ransac": _ED_RANSAC,
     "blender_manual": _BLENDER_MANUAL,
-    "blender_manual_alpine": {**_BLENDER_MANUAL, "region.points": 8},
-    "blender_manual_basento": {**_BLENDER_MANUAL, "region.points": 8, **_BASENTO_AREAS},
-    "blender_auto": {**_BLENDER_MANUAL, "estimator": "ransac", "region.points": 64, "region.min_distance": 120.0,
-                     "region.margin": 16, **_BASENTO_AREAS},
+    "blender_manual_alpine": {**_BLENDER_MANUAL, **_BLENDER_8},
+    "blender_manual_basento": {**_BLENDER_MANUAL, **_BLENDER_8, **_BASENTO_AREAS},
+    "blender_auto": {**_BLENDER_MANUAL, "estimator": "ransac", "region.points": 1000, "region.layout": "even",
+                     "region.min_distance": 120.0, "region.margin": 16, **_BASENTO_AREAS},
 })

@@ -43,6 +43,7 @@ class RegionConfig(Checked):
     iterations: int = setting(20, "at most, of the refinement", 1, 200)
     second_look: bool = setting(True, "markers that are not found are looked for where the others say they are")
     min_correlation: float = setting(0.75, "a marker that looks less like its pattern is lost", 0.1, 0.99)
+    layout: str = setting("even", _places.LAYOUT_DOC, choices=_places.LAYOUTS)
     min_distance: float = setting(0.0, "between automatic markers, px: the strongest Harris corners; 0: spread evenly",
                                   0.0, 5000.0)
     margin: int = setting(0, "at the picture's border, px, that automatic markers keep clear of", 0, 5000)
@@ -81,7 +82,8 @@ class Region:
         margin = max(config.margin, config.area // 2 + 1)
         if config.min_distance > 0:
             return _places.apart(reference, allowed, config.points, config.area, margin, config.min_distance)
-        return _places.even(reference, allowed, config.points, config.area, margin, config.min_texture)
+        return _places.LAYOUT[config.layout](reference, allowed, config.points, config.area, margin,
+                                             config.min_texture)
 
     def _blur(self, gray: Gray) -> Image:
         """float32."""

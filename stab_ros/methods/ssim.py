@@ -40,6 +40,7 @@ class SsimConfig(Checked):
     """Parameters `ssim.*`."""
 
     points: int = setting(100, "number of points, if none are given", 4, 5000)
+    layout: str = setting("even", _places.LAYOUT_DOC, choices=_places.LAYOUTS)
     area: int = setting(21, "side of the kernel, px, odd", 5, 101)
     search: int = setting(41, "side of the search area, px, odd", 7, 255)
     window: int = setting(7, "side of the windows whose similarity is averaged, px", 3, 101)
@@ -74,7 +75,8 @@ class Ssim:
         """
         self._config, self._reference, area = config, reference, config.area
         centres = (_places.manual(points_px, area) if len(points_px) else
-                   _places.even(reference, allowed, config.points, area, area // 2 + 1, config.min_texture))
+                   _places.LAYOUT[config.layout](reference, allowed, config.points, area, area // 2 + 1,
+                                                 config.min_texture))
         self.reference_px: FloatArray = centres[Maps.standing(centres).inside(reference, area)]
         standing = Maps.standing(self.reference_px)
         self._template = sample(reference, standing, area)
