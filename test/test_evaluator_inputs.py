@@ -31,7 +31,8 @@ def ground() -> Gray:
 def listening(graph: Graph, **parameters: Any) -> tuple[NodeProcess, list[Any], list[Any]]:
     """The node, and what it says on `~/metrics` and on /diagnostics; our streams may pause without being STALE."""
     heard = graph.listen(DiagnosticArray, METRICS), graph.listen(DiagnosticArray, "/diagnostics")
-    return graph.start("evaluator_node", "/cam", **{"stale_s": 1000.0, **parameters}), *heard
+    parameters = {"stale_s": 1000.0, "wait_for_subscribers": 1, **parameters}
+    return graph.start("evaluator_node", "/cam", **parameters), *heard
 
 
 def said(diagnostics: list[Any], text: str) -> bool:

@@ -87,7 +87,7 @@ def level_of(message: Any) -> tuple[bytes, str]:
 def evaluator_of(graph: Graph, **parameters: Any) -> tuple[NodeProcess, list[Any], list[Any]]:
     """The node, and what it says on `~/metrics` and on /diagnostics."""
     heard = graph.listen(DiagnosticArray, METRICS), graph.listen(DiagnosticArray, "/diagnostics")
-    return graph.start("evaluator_node", "/cam", **parameters), *heard
+    return graph.start("evaluator_node", "/cam", wait_for_subscribers=1, **parameters), *heard
 
 
 def test_trouble_raises_the_level_and_names_the_frame(graph: Graph, ground: Gray) -> None:

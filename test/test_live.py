@@ -129,7 +129,7 @@ def test_unknown_parameter_is_named(graph: Graph) -> None:
 
 
 def test_parameters_change_at_run_time(graph: Graph, flight: list[Shot]) -> None:
-    graph.start("tracker_node", queue_depth=0)
+    graph.start("tracker_node", queue_depth=0, wait_for_subscribers=1)
     diagnostics = graph.listen(DiagnosticArray, "/diagnostics", 1)
     answers = graph.listen(CameraInfo, "/homography")
     camera = graph.speak(Image, "/image_raw")
@@ -192,7 +192,7 @@ def test_one_parameter_file_serves_node_and_command(
 
 
 def test_reset_makes_the_next_frame_the_latched_reference(graph: Graph, flight: list[Shot]) -> None:
-    graph.start("tracker_node", "/cam", queue_depth=0)
+    graph.start("tracker_node", "/cam", queue_depth=0, wait_for_subscribers=1)
     answers = graph.listen(CameraInfo, "/cam/homography")
     tracks = graph.listen(DiagnosticArray, "/cam/tracker_node/track")
     camera = graph.speak(Image, "/cam/image_raw")
@@ -217,7 +217,7 @@ def test_reset_makes_the_next_frame_the_latched_reference(graph: Graph, flight: 
 
 def test_two_cameras(graph: Graph, flight: list[Shot]) -> None:
     for name in ("/left", "/right"):
-        graph.start("tracker_node", name, queue_depth=0)
+        graph.start("tracker_node", name, queue_depth=0, wait_for_subscribers=1)
     answers = {name: graph.listen(CameraInfo, f"{name}/homography") for name in ("/left", "/right")}
     cameras = {name: graph.speak(Image, f"{name}/image_raw") for name in ("/left", "/right")}
     for number in (0, 1):

@@ -20,7 +20,7 @@ BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def test_newest_frame_wins_and_drops_are_counted(graph: Graph, flight: list[Shot]) -> None:
-    tracker = graph.start("tracker_node", queue_depth=1)
+    tracker = graph.start("tracker_node", queue_depth=1, wait_for_subscribers=1)
     diagnostics = graph.listen(DiagnosticArray, "/diagnostics", 1)
     answers = graph.listen(CameraInfo, "/homography")
     camera = graph.speak(Image, "/image_raw", 1)
@@ -49,7 +49,7 @@ HOSTILE: dict[str, dict[str, object]] = {
 
 
 def test_hostile_images_are_refused_and_counted(graph: Graph, flight: list[Shot]) -> None:
-    tracker = graph.start("tracker_node", queue_depth=0)
+    tracker = graph.start("tracker_node", queue_depth=0, wait_for_subscribers=1)
     diagnostics = graph.listen(DiagnosticArray, "/diagnostics")
     answers = graph.listen(CameraInfo, "/homography")
     camera = graph.speak(Image, "/image_raw")
@@ -115,7 +115,7 @@ def test_camera_of_another_size_is_refused_until_a_right_one_comes(graph: Graph,
 
 
 def test_compressed_images(graph: Graph, flight: list[Shot]) -> None:
-    graph.start("tracker_node", "/cam", image_transport="compressed", queue_depth=0)
+    graph.start("tracker_node", "/cam", image_transport="compressed", queue_depth=0, wait_for_subscribers=1)
     answers = graph.listen(CameraInfo, "/cam/homography")
     images = graph.listen(Image, "/cam/image_stabilized")
     camera = graph.speak(CompressedImage, "/cam/image_raw/compressed")
