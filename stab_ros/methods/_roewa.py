@@ -60,7 +60,7 @@ def corners(scale: Scale, threshold: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _harris(scale: Scale) -> Floats:
-    """SAR-Harris: det C - d tr(C)^2, C the structure tensor of the gradient by ratio; alpha^2 makes scales comparable."""
+    """SAR-Harris: det C - d tr(C)^2, C the structure tensor of the ratio gradient; alpha^2 makes scales comparable."""
     sigma = np.sqrt(2) * scale.alpha_px
     xx, xy, yy = (cv2.GaussianBlur(product, (0, 0), sigma) * np.float32(scale.alpha_px**2)
                   for product in (scale.right**2, scale.right * scale.down, scale.down**2))

@@ -88,4 +88,4 @@ class SarSift(DescriptorMethod):
 def _near(pairs: Correspondences, H: Homography) -> BoolArray:
     """Which pairs (n,) lie as near to H as their uncertainty lets expect."""
     squared = np.sum((apply(H, pairs.current_px) - pairs.reference_px) ** 2, axis=1)
-    return np.asarray(squared * estimators.strongest(pairs.information) < _SIGMAS**2)
+    return np.asarray(squared * pairs.information[:, 0, 0] < _SIGMAS**2)  # of a corner, alike in all directions
