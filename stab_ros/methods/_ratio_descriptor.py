@@ -27,7 +27,7 @@ def _offsets(radius: int) -> FloatArray:
     """(n, 2), whole steps within a circle."""
     span = np.arange(-radius, radius + 1.0)
     x, y = (a.ravel() for a in np.meshgrid(span, span))
-    return np.stack([x, y], axis=1)[np.hypot(x, y) <= radius]
+    return np.asarray(np.stack([x, y], axis=1)[np.hypot(x, y) <= radius])
 
 
 def _parts() -> IdArray:
@@ -46,15 +46,21 @@ def orientations(scale: Scale, px: FloatArray) -> tuple[IdArray, FloatArray]:
     right, down = _sampled(scale, px, _offsets(_TURNING_RADIUS) * scale.alpha_px)
     turn = np.floor(np.arctan2(down, right) / (2 * np.pi) * _TURNS).astype(np.int64) % _TURNS
     slot = np.arange(len(px))[:, None] * _TURNS + turn
-    histogram = np.bincount(slot.ravel(), np.hypot(right, down).ravel(), len(px) * _TURNS).reshape(-1, _TURNS)
-    smooth = sum(weight * np.roll(histogram, shift, axis=1)
-                 for shift, weight in zip(range(-2, 3), (1 / 16, 4 / 16, 6 / 16, 4 / 16, 1 / 16), strict=True))
+    votes = np.bincount(slot.ravel(), np.hypot(right, down).ravel(), len(px) * _TURNS).astype(np.float64)
+    smooth = _smoothed(votes.reshape(-1, _TURNS))
     before, after = np.roll(smooth, 1, axis=1), np.roll(smooth, -1, axis=1)
     peak = (smooth > before) & (smooth >= after) & (smooth >= _SECOND_PEAK * smooth.max(axis=1, keepdims=True))
     which, k = np.nonzero(peak)
     low, middle, high = before[peak], smooth[peak], after[peak]
     offset = (high - low) / np.maximum(2 * (2 * middle - low - high), 1e-12)
     return which, (k + 0.5 + np.clip(offset, -0.5, 0.5)) * 2 * np.pi / _TURNS
+
+
+def _smoothed(histogram: FloatArray) -> FloatArray:
+    """(n, turns), by [1 4 6 4 1] / 16 around the circle."""
+    kernel = np.array([1, 4, 6, 4, 1]) / 16
+    shifted = np.stack([np.roll(histogram, shift, axis=1) for shift in range(-2, 3)])
+    return np.asarray(np.tensordot(kernel, shifted, axes=1))
 
 
 def describe(scale: Scale, px: FloatArray, angle: FloatArray) -> Floats:
@@ -90,4 +96,4 @@ def _normalised(descriptor: Floats) -> Floats:
     for most in (_CLIP, np.inf):
         length = np.linalg.norm(descriptor, axis=1, keepdims=True)
         descriptor = np.minimum(descriptor / np.maximum(length, 1e-12), np.float32(most))
-    return descriptor / np.maximum(np.linalg.norm(descriptor, axis=1, keepdims=True), np.float32(1e-12))
+    return np.asarray(descriptor)

@@ -1,7 +1,7 @@
 """Gradients by ratio and the corners they make: SAR-Harris (Dellinger et al. 2015, section III).
 
-Speckle multiplies, so differences of grey levels are large wherever it is bright; ratios of means on either side are not.
-The means are exponentially weighted (ROEWA, Fjortoft et al. 1998), one-sided, at a scale alpha in px.
+Speckle multiplies, so differences of grey levels are large wherever it is bright; ratios of the means on either side
+are not. The means are exponentially weighted (ROEWA, Fjortoft et al. 1998), one-sided, at a scale alpha in px.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def corners(scale: Scale, threshold: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _harris(scale: Scale) -> Floats:
-    """det C - d tr(C)^2 of the structure tensor C of the gradient by ratio, which alpha^2 makes comparable."""
+    """SAR-Harris: det C - d tr(C)^2, C the structure tensor of the ratio gradient; alpha^2 makes scales comparable."""
     sigma = np.sqrt(2) * scale.alpha_px
     xx, xy, yy = (cv2.GaussianBlur(product, (0, 0), sigma) * np.float32(scale.alpha_px**2)
                   for product in (scale.right**2, scale.right * scale.down, scale.down**2))

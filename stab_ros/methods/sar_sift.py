@@ -29,7 +29,7 @@ _SIGMAS = 3.0
 class SarSiftConfig(Checked):
     """Parameters `sar_sift.*`."""
 
-    threshold: float = setting(0.2, "least response of the SAR-Harris function; 0.8 in published code", 1e-6, 100.0)
+    threshold: float = setting(0.1, "least response of the SAR-Harris function; 0.8 in published code", 1e-6, 100.0)
     scales: int = setting(8, "scales, from 2 px in steps of the cube root of 2", 1, 12)
     features: int = setting(3000, "most corners of a picture, spread evenly over scales and picture", 16, 50000)
     ratio: float = setting(0.8, "a match is nearer than this times the second nearest descriptor", 0.1, 1.0)
@@ -78,7 +78,7 @@ class SarSift(DescriptorMethod):
         scale = _roewa.scale_of(gray, alpha_px)
         px, response = _roewa.corners(scale, config.threshold)
         px = px[spread(px, response, max(1, config.features // config.scales), gray.shape)]
-        angle = np.zeros(len(px))
+        angle: FloatArray = np.zeros(len(px))
         if not config.upright:
             which, angle = _ratio_descriptor.orientations(scale, px)
             px = px[which]
@@ -88,4 +88,4 @@ class SarSift(DescriptorMethod):
 def _near(pairs: Correspondences, H: Homography) -> BoolArray:
     """Which pairs (n,) lie as near to H as their uncertainty lets expect."""
     squared = np.sum((apply(H, pairs.current_px) - pairs.reference_px) ** 2, axis=1)
-    return np.asarray(squared * estimators.strongest(pairs.information) < _SIGMAS**2)
+    return np.asarray(squared * pairs.information[:, 0, 0] < _SIGMAS**2)  # of a corner, alike in all directions
