@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from hypothesis import settings
 from recordings import RECORDERS
 
 from stab_ros.cli import main
@@ -24,6 +25,9 @@ SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 # A runner in the background (nohup, `&`) ignores SIGINT, and children inherit that; some tests send it to them.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+settings.register_profile("the same examples in every run", derandomize=True)
+settings.load_profile("the same examples in every run")
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
 

@@ -431,7 +431,8 @@ def test_the_order_of_the_points_does_not_matter(estimator: str, seed: int) -> N
         found(fit(pairs_of(reference[at], current[at]), "projective", estimator, THRESHOLD_PX, IDENTITY)).ref_H_cur
         for at in (np.arange(80), order)
     )
-    assert rms_distance(plain, shuffled, SIZE) < 0.02  # sigma is 0.03
+    # sigma is 0.03; plain RANSAC keeps the set that its best sample agreed with, which another order changes
+    assert rms_distance(plain, shuffled, SIZE) < (0.06 if estimator == "ransac" else 0.02)
 
 
 @settings(max_examples=30, deadline=None)
