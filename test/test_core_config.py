@@ -94,6 +94,10 @@ def test_a_whole_number_serves_as_a_float_but_no_float_as_an_int() -> None:
         checked_values({"use_camera_info": 1})
 
 
+def test_text_may_look_like_a_whole_number() -> None:
+    assert checked_values({"klt.passes": 21, "fft.passes": "32,16"}) == {"klt.passes": "21", "fft.passes": "32,16"}
+
+
 def test_an_unknown_name_gets_near_ones() -> None:
     with pytest.raises(ConfigError, match=r"'direct\.patchs' is unknown, did you mean direct\.patches"):
         checked_values({"direct.patchs": 300})

@@ -32,6 +32,8 @@ REFERENCES = ("fixed", "updated", "adjacent")
 # (pairs, guess, trust of each pair) -> the homography from the current frame to where the pairs' reference_px lie
 Solve = Callable[[Correspondences, Homography, FloatArray], Fit | None]
 
+_RIGHT_MATCHES = 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class Place:
@@ -123,8 +125,13 @@ class Base:
         """`guess` (ref_H_cur) with the shift that a rough look at the whole picture shows."""
         return self.place.to_reference(self._overview.corrected(gray, self.place.to_base(guess)))
 
-    def expected(self, ref_H_cur: Homography) -> float:
-        """How many trusted features a frame there should show."""
+    def expected(self, pairs: Correspondences, ref_H_cur: Homography) -> float:
+        """How many trusted features a frame there should show.
+
+        A detector does not find all of them again, and where the view has changed much, half of its matches are wrong.
+        """
+        if not self._method.seeks_all:
+            return _RIGHT_MATCHES * float(self._features.trust[pairs.feature_id].sum())
         return float(self._features.trust[self._in_view(ref_H_cur)].sum())
 
     def learn(self, pairs: Correspondences, fit: Fit) -> None:

@@ -50,6 +50,8 @@ def checked(name: str, value: Value, default: Value, limits: Range) -> Value:
     """
     if isinstance(default, float) and type(value) is int and abs(value) <= _LARGEST_INTEGER:
         value = float(value)
+    if isinstance(default, str) and type(value) is int and not limits.choices:
+        value = str(value)  # `passes:=21` is a whole number to YAML
     if type(value) is not type(default):
         raise ConfigError(f"{name}: {value!r} is a {type(value).__name__}, it must be a {type(default).__name__}")
     if limits.choices and value not in limits.choices:

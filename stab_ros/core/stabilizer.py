@@ -56,7 +56,8 @@ class StabilizerConfig(Checked):
     threshold: float = setting(0.5, "a feature further than this from the fit is an outlier, px", 0.01, 20.0)
     ransac_threshold: float = setting(3.0, "of the consensus that ed_ransac filters with `threshold`, px", 0.01, 50.0)
     min_inliers: int = setting(12, "with fewer inliers the frame is lost", 1, 10000)
-    min_inlier_share: float = setting(0.1, "with a smaller share of the trusted features in view the frame is lost",
+    min_inlier_share: float = setting(0.1, "with a smaller share of the trusted features in view, or, where a detector "
+                                      "finds what it finds, of the matches, the frame is lost",
                                       0.0, 1.0)
     max_sigma: float = setting(1.0, "with a larger uncertainty of the homography the frame is lost, px", 0.001, 100.0)
     method_config: object = None
@@ -97,7 +98,7 @@ class Stabilizer:
         gray = self._gray(frame, self._reference.grey_scale)
         for guess in self._guesses(gray, frame.stamp_ns):
             pairs, fit = self._align(gray, guess)
-            if fit is not None and self._accepts(fit, frame.size):
+            if fit is not None and self._accepts(pairs, fit, frame.size):
                 return self._tracked(index, frame, gray, pairs, fit)
         self._motion = self._motion.standing()
         return self._lost(index, frame, len(pairs))
@@ -211,12 +212,12 @@ class Stabilizer:
         return estimators.fit(pairs, config.model, config.estimator, config.threshold, guess, trust,
                               config.ransac_threshold)
 
-    def _accepts(self, fit: Fit, size: tuple[int, int]) -> bool:
+    def _accepts(self, pairs: Correspondences, fit: Fit, size: tuple[int, int]) -> bool:
         """The gate: a motion that a camera can make, enough agreement, and a certain result of this comparison."""
         if not is_plausible(self._base.place.to_base(fit.ref_H_cur), size):
             return False
         inliers = int(fit.inlier.sum())
-        expected = self._base.expected(fit.ref_H_cur)
+        expected = self._base.expected(pairs, fit.ref_H_cur)
         return (
             inliers >= max(self._config.min_inliers, self._config.min_inlier_share * expected)
             and sigma_px(fit.ref_H_cur, fit.covariance, size) <= self._config.max_sigma

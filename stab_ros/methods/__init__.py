@@ -26,6 +26,7 @@ class Method(Protocol):
 
     Config: ClassVar[type[Any]]  # frozen dataclass of `core.config.setting` fields: parameters `<name>.*`
     takes_points: ClassVar[bool]  # whether the user may name the features
+    seeks_all: ClassVar[bool]  # whether each is looked for; else a detector finds again what it finds
 
     def __init__(self, reference: Gray, allowed: BoolArray, config: Any, points_px: FloatArray = NO_POINTS) -> None:
         """reference: (h, w) uint8. allowed: (h, w) bool, where features may lie that the method chooses.

@@ -68,6 +68,7 @@ class DescriptorMethod:
     """`stab_ros.methods.Method` by any detector and descriptor; a place is a feature."""
 
     takes_points: ClassVar[bool] = False  # it chooses its features itself
+    seeks_all: ClassVar[bool] = False
 
     def __init__(self, features: Features, find: Find, rule: Rule) -> None:
         """features: of the reference. find: finds those of a frame."""

@@ -87,6 +87,7 @@ class Direct:
 
     Config: ClassVar[type[Any]] = DirectConfig
     takes_points: ClassVar[bool] = True
+    seeks_all: ClassVar[bool] = True
 
     def __init__(self, reference: Gray, allowed: BoolArray, config: DirectConfig,
                  points_px: FloatArray = NO_POINTS) -> None:

@@ -54,6 +54,7 @@ class Ecc:
 
     Config: ClassVar[type[Any]] = EccConfig
     takes_points: ClassVar[bool] = False  # it aligns all of the picture
+    seeks_all: ClassVar[bool] = True
 
     def __init__(self, reference: Gray, allowed: BoolArray, config: EccConfig,
                  points_px: FloatArray = NO_POINTS) -> None:

@@ -119,6 +119,7 @@ class Fft:
 
     Config: ClassVar[type[Any]] = FftConfig
     takes_points: ClassVar[bool] = True
+    seeks_all: ClassVar[bool] = True
 
     def __init__(self, reference: Gray, allowed: BoolArray, config: FftConfig,
                  points_px: FloatArray = NO_POINTS) -> None:

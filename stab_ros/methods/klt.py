@@ -66,6 +66,7 @@ class Klt:
 
     Config: ClassVar[type[Any]] = KltConfig
     takes_points: ClassVar[bool] = True
+    seeks_all: ClassVar[bool] = True
 
     def __init__(self, reference: Gray, allowed: BoolArray, config: KltConfig,
                  points_px: FloatArray = NO_POINTS) -> None:

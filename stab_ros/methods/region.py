@@ -63,6 +63,7 @@ class Region:
 
     Config: ClassVar[type[Any]] = RegionConfig
     takes_points: ClassVar[bool] = True
+    seeks_all: ClassVar[bool] = True
 
     def __init__(self, reference: Gray, allowed: BoolArray, config: RegionConfig,
                  points_px: FloatArray = NO_POINTS) -> None:

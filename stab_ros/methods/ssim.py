@@ -66,6 +66,7 @@ class Ssim:
 
     Config: ClassVar[type[Any]] = SsimConfig
     takes_points: ClassVar[bool] = True
+    seeks_all: ClassVar[bool] = True
 
     def __init__(self, reference: Gray, allowed: BoolArray, config: SsimConfig,
                  points_px: FloatArray = NO_POINTS) -> None:
