@@ -28,7 +28,7 @@ demo: $(INSTALLED)
 
 test: export ROS_PYTHON_CHECK_FIELDS := 1
 test: lint
-	$(PY) -m pytest
+	$(PY) -m pytest -n 2 --dist loadfile
 
 lint: $(INSTALLED)
 	$(PY) -m ruff check .

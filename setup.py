@@ -55,6 +55,7 @@ setup(
             "hypothesis>=6.98",
             "mypy>=1.15",
             "pytest>=7.4",
+            "pytest-xdist>=3.5",
             "ruff>=0.9",
             "types-PyYAML>=6.0",
             "types-tqdm>=4.66",

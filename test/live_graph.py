@@ -28,7 +28,15 @@ from stab_ros.core.types import Gray
 from stab_ros.nodes.transport import use_profile
 
 PATIENCE_S = 90.0  # until a condition must hold, on a machine that has other work to do
-_domains = itertools.count(os.getpid())
+_workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+_worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+_turns = itertools.count(os.getppid())
+
+
+def next_domain() -> int:
+    """A DDS domain that no other test is on: processes of pytest-xdist share 100 of them."""
+    share = 100 // _workers
+    return 1 + _worker * share + next(_turns) % share
 
 
 class NodeProcess:
@@ -59,7 +67,7 @@ class Graph:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         use_profile()  # the observer publishes pictures too
-        domain = 1 + next(_domains) % 100
+        domain = next_domain()
         self.environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_LOG_DIR": str(folder)}
         self.context = Context()
         rclpy.init(context=self.context, domain_id=domain)

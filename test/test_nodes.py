@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -13,6 +12,7 @@ import rclpy
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from live_graph import next_domain
 from rclpy.context import Context
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
@@ -41,7 +41,7 @@ def make_node(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Node]]:
     """Nodes with these parameters given, as on a command line."""
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     context = Context()
-    rclpy.init(context=context, domain_id=1 + os.getpid() % 100)
+    rclpy.init(context=context, domain_id=next_domain())
     nodes: list[Node] = []
 
     def make(**given_values: Any) -> Node:

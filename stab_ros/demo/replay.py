@@ -30,6 +30,7 @@ _PASSED_ON = ("/camera/image_raw/compressed", "/camera/camera_info", "/gps/fix")
 _STEP_S = 0.1
 _PATIENCE_S = 120.0  # without news for so long, something hangs; the first start compiles the kernels
 _END_S = 15.0  # what a node may take to end
+_FIRST_DOMAIN, _DOMAINS = 215, 18  # whose ports Linux gives to nobody else, and which few choose
 
 
 def replay(recording: Path, output: Path, log: Path, frames: int, evaluator_values: Mapping[str, Value]) -> None:
@@ -63,7 +64,8 @@ def _prepare(log: Path) -> None:
     log.mkdir(exist_ok=True)
     for earlier in (*log.glob("*.log"), *log.glob("*_node.txt")):
         earlier.unlink()
-    os.environ.update(ROS_DOMAIN_ID=str(1 + os.getpid() % 100), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
+    domain = _FIRST_DOMAIN + os.getpid() % _DOMAINS
+    os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
                       ROS_LOG_DIR=str(log.resolve()))
 
 
