@@ -15,6 +15,7 @@ import delivery
 import evaluation
 import machine
 import memory
+import methods
 import real_video
 import speed
 from effort import FULL, QUICK, Effort
@@ -23,6 +24,7 @@ from tables import Section
 SECTIONS: Mapping[str, Callable[[Effort], Section]] = {
     "speed": speed.measure,
     "accuracy": accuracy.measure,
+    "methods": methods.measure,
     "evaluation": evaluation.measure,
     "memory": memory.measure,
     "delivery": delivery.measure,
