@@ -191,7 +191,8 @@ def _row(outcome: Outcome) -> tuple[str, ...]:
     error, candidate = outcome.error, outcome.candidate
     return (candidate.name, number(error.median, 4), number(outcome.floor_px, 3),
             *verdict(error.median, outcome.target_px), number(error.p95, 4), number(error.max, 4), str(outcome.lost),
-            number(outcome.rmse_px, 3), number(outcome.sigma_px, 3), number(Spread.of(outcome.ms).median, 1), candidate.model)
+            number(outcome.rmse_px, 3), number(outcome.sigma_px, 3), number(Spread.of(outcome.ms).median, 1),
+            candidate.model)
 
 
 def _data(outcome: Outcome) -> dict[str, object]:

@@ -16,6 +16,7 @@ import evaluation
 import machine
 import memory
 import methods
+import packages
 import real_video
 import speed
 from effort import FULL, QUICK, Effort
@@ -25,6 +26,7 @@ SECTIONS: Mapping[str, Callable[[Effort], Section]] = {
     "speed": speed.measure,
     "accuracy": accuracy.measure,
     "methods": methods.measure,
+    "packages": packages.measure,
     "evaluation": evaluation.measure,
     "memory": memory.measure,
     "delivery": delivery.measure,
