@@ -30,12 +30,12 @@ OPENPIV = Package("openpiv", _HERE / "of_openpiv.py")
 OURS = ("direct", "flowvelo_akaze", "akaze", "sift")
 FFT = "our fft, fft_cuas"
 HOW = {"areas": "extended_search_area_piv", "windef": "window deformation"}
-_STABILO_NOTE = ("No polygon. Error: RMS distance to the truth over the 9x9 grid. stabilo as it is set by default, ORB at "
-                 "half the size; it runs in a process of its own, which takes its time itself. Times as long: median "
-                 "over the frames.")
-_OPENPIV_NOTE = ("Ground control points, areas of 32, then 16 px, which begin where the point was in the frame before. Ours "
-                 "measures 3x3 vectors in the first pass and the point in the second; window deformation fields of 5x5 "
-                 "and 11x11. Error: of every point in every frame. Ms: of all points of a frame.")
+_STABILO_NOTE = ("No polygon. Error: RMS distance to the truth over the 9x9 grid. stabilo as it is set by default, ORB "
+                 "at half the size; it runs in a process of its own, which takes its time itself. Times as long: "
+                 "median over the frames.")
+_OPENPIV_NOTE = ("Ground control points, areas of 32, then 16 px, which begin where the point was in the frame before. "
+                 "Ours measures 3x3 vectors in the first pass and the point in the second; window deformation fields "
+                 "of 5x5 and 11x11. Error: of every point in every frame. Ms: of all points of a frame.")
 
 
 @dataclass(frozen=True)
