@@ -23,8 +23,8 @@ SETTINGS: Mapping[str, Mapping[str, Value]] = {
     "": {},
     ", wide gates": {"estimator": "ransac", "threshold": 3.0, "min_inlier_share": 0.02, "max_sigma": 3.0},
 }
-_NOTE = ("Mean distance between where the inverse of ref_H_cur and the measured homography put the corners of img1; none "
-         "where the picture is lost. Wide gates: ransac, threshold 3 px, min_inlier_share 0.02, max_sigma 3.")
+_NOTE = ("Mean distance between where the inverse of ref_H_cur and the measured homography put the corners of img1; "
+         "none where the picture is lost. Wide gates: ransac, threshold 3 px, min_inlier_share 0.02, max_sigma 3.")
 
 
 def measure(_effort: Effort) -> tuple[Table, Mapping[str, object]]:
