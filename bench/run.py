@@ -15,6 +15,8 @@ import delivery
 import evaluation
 import machine
 import memory
+import methods
+import packages
 import real_video
 import speed
 from effort import FULL, QUICK, Effort
@@ -23,6 +25,8 @@ from tables import Section
 SECTIONS: Mapping[str, Callable[[Effort], Section]] = {
     "speed": speed.measure,
     "accuracy": accuracy.measure,
+    "methods": methods.measure,
+    "packages": packages.measure,
     "evaluation": evaluation.measure,
     "memory": memory.measure,
     "delivery": delivery.measure,

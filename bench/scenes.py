@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from tqdm import tqdm
 
 from stab_ros.core.synthetic import Flight, preset
-from stab_ros.core.types import BoolArray, Frame, Homography
+from stab_ros.core.types import BoolArray, FloatArray, Frame, Homography
 
 HD, UHD = (1920, 1080), (4096, 2160)
 SEED = 1
@@ -16,11 +16,15 @@ SEED = 1
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """frames: mono8, the first is the reference. truth: the `ref_H_cur` of each. water: (h, w), in the reference."""
+    """frames: mono8, the first is the reference. truth: the `ref_H_cur` of each. water: (h, w), in the reference.
+
+    control_points_px: (n, 2), in the reference.
+    """
 
     frames: tuple[Frame, ...]
     truth: tuple[Homography, ...]
     water: BoolArray
+    control_points_px: FloatArray
 
     @property
     def size(self) -> tuple[int, int]:
@@ -41,4 +45,4 @@ def render(name: str, size: tuple[int, int], count: int) -> Scene:
     flight = Flight(preset(name), size=size, frames=count, seed=SEED)
     shots = list(tqdm(flight, f"render {name} {size[0]}x{size[1]}", disable=None, leave=False))
     frames = tuple(Frame(shot.image, "mono8", shot.stamp_ns) for shot in shots)
-    return Scene(frames, tuple(shot.ref_H_cur for shot in shots), flight.water)
+    return Scene(frames, tuple(shot.ref_H_cur for shot in shots), flight.water, flight.control_points_px)
