@@ -18,8 +18,8 @@ _LEAST_SQUARES: Mapping[str, Value] = {"estimator": "least_squares", "threshold"
 _MANUAL: Mapping[str, Value] = {**_LEAST_SQUARES, "min_inliers": 4}
 
 _FFT_CUAS: Mapping[str, Value] = {
-    **_MANUAL, "method": "fft", "model": "affine", "fft.points": 4, "fft.layout": "corners", "fft.passes": "32,16",
-    "fft.steps": "16,8", "fft.follow": True, "fft.second_look": False,
+    **_MANUAL, "max_sigma": 3.0, "method": "fft", "model": "affine", "fft.points": 4, "fft.layout": "corners",
+    "fft.passes": "32,16", "fft.steps": "16,8", "fft.follow": True, "fft.second_look": False,
 }
 _FFT_DCH: Mapping[str, Value] = {
     **_MANUAL, "method": "fft", "model": "projective", "fft.points": 4, "fft.layout": "corners", "fft.passes": "128",
