@@ -27,6 +27,7 @@ from sensor_msgs.msg import Image as ImageMessage
 from stab_ros.core.types import Gray
 from stab_ros.nodes.transport import use_profile
 
+_END_S = 15.0  # what a node may take to end
 PATIENCE_S = 90.0  # until a condition must hold, on a machine that has other work to do
 _workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
 _worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
@@ -127,13 +128,22 @@ class Graph:
         return answer.results[0].successful, answer.results[0].reason
 
     def close(self) -> None:
-        for one in self._processes:
-            if one.process.poll() is None:
-                one.process.kill()
-                one.process.wait()
+        running = [one.process for one in self._processes if one.process.poll() is None]
+        for process in running:  # killed, they would leave their shared memory behind
+            process.send_signal(signal.SIGINT)
+        for process in running:
+            _end(process)
         self._executor.shutdown()
         self.node.destroy_node()
         self.context.shutdown()
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    try:
+        process.wait(_END_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
 
 
 @contextmanager

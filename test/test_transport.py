@@ -11,7 +11,7 @@ from sensor_msgs.msg import Image
 
 from stab_ros.nodes.transport import PROFILE, is_chosen_by_user
 
-ENOUGH_BYTES = 64 << 20
+ENOUGH_BYTES = 32 << 20
 USER = """<dds><profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"/></dds>"""
 
 

@@ -2,7 +2,7 @@
 
 Fast DDS gives a process 0.5 MB of it. Beside pictures, a small reliable message then finds no room now and then, and
 comes again only with the next heartbeat, 3 s later; all later ones of its topic wait behind it. The profile gives room
-for two colour pictures in 4K, and a heartbeat every 0.1 s. Measured: docs/performance.md.
+for a colour picture in 4K, and a heartbeat every 0.1 s. Measured: docs/performance.md.
 """
 
 from __future__ import annotations
