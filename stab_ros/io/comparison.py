@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,14 +20,12 @@ from stab_ros.io.comparison_child import Failed, Finished, Run, Step, steps_of
 from stab_ros.io.comparison_truth import Truth
 from stab_ros.io.engine import make_evaluator
 from stab_ros.io.evaluation import TopicEvaluation
-from stab_ros.io.offline import expected
+from stab_ros.io.offline import Progress, expected
 from stab_ros.io.source import Picture, Source, open_source
 from stab_ros.methods import METHODS
 from stab_ros.methods.presets import PRESETS
 from stab_ros.metrics.statistics import Summary, summarize
 
-# called after every frame with how many are done, and of how many (None: the input does not say)
-Progress = Callable[[int, int | None], None]
 RAW = "raw"
 
 

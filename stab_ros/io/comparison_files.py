@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-import json
 import statistics
 from collections.abc import Sequence
 from pathlib import Path
 
-from stab_ros.core.errors import WorkError
 from stab_ros.core.frame_metrics import FrameMetrics
 from stab_ros.core.types import Track
 from stab_ros.io.comparison import Comparison, MethodResult, Passage
-from stab_ros.io.evaluation_files import Json, summary_json, unrest_px
+from stab_ros.io.evaluation_files import Json, summary_json, unrest_px, write_table, write_tree
 from stab_ros.io.text import number
 from stab_ros.metrics.statistics import summarize
 
@@ -95,28 +92,15 @@ def write_json(comparison: Comparison, path: Path) -> None:
     write_tree(as_json(comparison), path)
 
 
-def write_tree(tree: Json, path: Path) -> None:
-    """Raises WorkError where the file cannot be written."""
-    try:
-        path.write_text(json.dumps(tree, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise WorkError(f"{path}: {error.strerror}") from error
-
-
 def write_csv(comparison: Comparison, path: Path) -> None:
     """A row for every frame of every method, the raw frames first; empty cells where nothing was measured.
 
     Raises:
         WorkError: the file cannot be written.
     """
-    try:
-        with path.open("w", encoding="utf-8", newline="") as file:
-            rows = csv.writer(file, lineterminator="\n")
-            rows.writerow((*_COLUMNS, *MEASURES))
-            for result in (comparison.raw, *comparison.methods):
-                rows.writerows(_cells(result.name, one, row) for one, row in frames_of(result))
-    except OSError as error:
-        raise WorkError(f"{path}: {error.strerror}") from error
+    results = (comparison.raw, *comparison.methods)
+    rows = (_cells(result.name, one, row) for result in results for one, row in frames_of(result))
+    write_table((*_COLUMNS, *MEASURES), rows, path)
 
 
 def _cells(name: str, one: Passage, row: FrameMetrics | None) -> list[str]:

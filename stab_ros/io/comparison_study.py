@@ -21,11 +21,10 @@ from stab_ros.core.gray import depth_scale, to_gray
 from stab_ros.core.parameters import stabilizer_config
 from stab_ros.core.stabilizer import StabilizerConfig
 from stab_ros.core.types import BoolArray, Correspondences, Fit, Frame, Gray
-from stab_ros.io.comparison import ComparisonJob, Progress, checked_methods
-from stab_ros.io.comparison_files import write_tree
+from stab_ros.io.comparison import ComparisonJob, checked_methods
 from stab_ros.io.comparison_text import aligned, written
-from stab_ros.io.evaluation_files import Json
-from stab_ros.io.offline import expected
+from stab_ros.io.evaluation_files import Json, write_tree
+from stab_ros.io.offline import Progress, expected
 from stab_ros.io.outputs import completed
 from stab_ros.io.regions import read_area
 from stab_ros.io.result_outputs import ResultOutputs

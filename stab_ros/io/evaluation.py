@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from stab_ros.io.bag import Message
 from stab_ros.io.engine import make_evaluator
 from stab_ros.io.evaluation_streams import Stream, expected_pictures, open_streams
 from stab_ros.io.messages import IMAGE, read_homography, read_image
+from stab_ros.io.offline import Progress
 from stab_ros.io.overlap import Stage
 from stab_ros.io.pairing import Pairing
 from stab_ros.io.source import Picture
@@ -24,8 +25,6 @@ from stab_ros.metrics.statistics import Summary, summarize
 from stab_ros.metrics.velocity_field import Field, mean_field
 from stab_ros.metrics.verification import VerificationPoint
 
-# called after every frame with how many are done, and of how many (None: the input does not say)
-Progress = Callable[[int, int | None], None]
 _WAITING_BYTES = 1 << 30  # of pictures whose homographies come later in the recording
 
 

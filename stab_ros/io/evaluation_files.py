@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -118,8 +118,13 @@ def _finite(value: float) -> float | None:
 
 def write_json(evaluation: Evaluation, path: Path) -> None:
     """Raises WorkError where the file cannot be written."""
+    write_tree(as_json(evaluation), path)
+
+
+def write_tree(tree: Json, path: Path) -> None:
+    """Raises WorkError where the file cannot be written."""
     try:
-        path.write_text(json.dumps(as_json(evaluation), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        path.write_text(json.dumps(tree, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     except OSError as error:
         raise WorkError(f"{path}: {error.strerror}") from error
 
@@ -130,11 +135,17 @@ def write_csv(evaluation: Evaluation, path: Path) -> None:
     Raises:
         WorkError: the file cannot be written.
     """
+    topics = evaluation.topics
+    write_table(_columns(topics), (_cells(topic, row, topics) for topic in topics for row in topic.rows), path)
+
+
+def write_table(columns: Sequence[str], rows: Iterable[Sequence[str]], path: Path) -> None:
+    """Raises WorkError where the file cannot be written."""
     try:
         with path.open("w", encoding="utf-8", newline="") as file:
-            rows = csv.writer(file, lineterminator="\n")
-            rows.writerow(_columns(evaluation.topics))
-            rows.writerows(_cells(topic, row, evaluation.topics) for topic in evaluation.topics for row in topic.rows)
+            table = csv.writer(file, lineterminator="\n")
+            table.writerow(columns)
+            table.writerows(rows)
     except OSError as error:
         raise WorkError(f"{path}: {error.strerror}") from error
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from stab_ros.io.evaluation import Evaluation, EvaluationJob, Progress
+from stab_ros.io.evaluation import Evaluation, EvaluationJob
 from stab_ros.io.evaluation_files import write_csv, write_json
+from stab_ros.io.offline import Progress
 from stab_ros.io.result_outputs import Writers
 
 

@@ -12,7 +12,8 @@ from stab_ros.core.gray import depth_scale, to_gray
 from stab_ros.core.parameters import stabilizer_config
 from stab_ros.core.types import Frame, Gray, Image
 from stab_ros.core.warp import warp
-from stab_ros.io.comparison import Comparison, ComparisonJob, MethodResult, Progress
+from stab_ros.io.comparison import Comparison, ComparisonJob, MethodResult
+from stab_ros.io.offline import Progress
 from stab_ros.io.source import open_source
 from stab_ros.report.numbers import Numbers
 from stab_ros.report.overlay import Pair, part, worst_place

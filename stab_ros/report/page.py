@@ -10,8 +10,9 @@ from markupsafe import Markup
 from stab_ros.core.config import settings_of
 from stab_ros.core.evaluation import EvaluatorConfig
 from stab_ros.core.frame_metrics import UNITS
-from stab_ros.io.evaluation import Evaluation, EvaluationJob, Progress
+from stab_ros.io.evaluation import Evaluation, EvaluationJob
 from stab_ros.io.evaluation_files import as_json
+from stab_ros.io.offline import Progress
 from stab_ros.report.boxes import box_panels
 from stab_ros.report.calibration import calibration_panels
 from stab_ros.report.maps import field_panels, point_panels
