@@ -97,7 +97,8 @@ def test_trouble_raises_the_level_and_names_the_frame(graph: Graph, ground: Gray
     def calm() -> None:
         stream.send(3)
         graph.until(lambda: len(metrics) == stream.number, "every frame measured")
-        graph.until(lambda: level_of(diagnostics[-1]) == (OK, f"no problem up to {name_of(stream.number - 1)}"), "calm")
+        quiet = OK, f"no problem up to {name_of(stream.number - 1)}"
+        graph.until(lambda: diagnostics and level_of(diagnostics[-1]) == quiet, "calm")
 
     def alarmed(said: str) -> None:
         graph.until(lambda: any(level == ERROR and said in text for level, text in map(level_of, diagnostics)), said)
