@@ -63,6 +63,7 @@ class Layout(NamedTuple):
     bend_m: float
     bend_per_m: float
     speed_m_s: float
+    rigid: bool
     islands: FloatArray  # (n, 4) centre x, y and half axes
 
     @staticmethod
@@ -74,7 +75,7 @@ class Layout(NamedTuple):
             for island in preset.islands
         ]
         return Layout(height, (stream.centre - 0.5) * height, stream.width * height / 2, stream.bend * height / 2,
-                      2 * math.pi / (1.3 * width), stream.speed_m_s, np.array(islands).reshape(-1, 4))
+                      2 * math.pi / (1.3 * width), stream.speed_m_s, stream.rigid, np.array(islands).reshape(-1, 4))
 
 
 def place_m(preset: Preset, share: Share) -> tuple[float, float]:
@@ -142,6 +143,9 @@ def _fill_water(layout: Layout, place: Place, shore: Texture, water: Gray, flow:
             water[i, j] = int(255 * smooth_step(dry, deep, depth) + 0.5)
     for i in range(flow.shape[0]):
         for j in range(flow.shape[1]):
+            if layout.rigid:
+                flow[i, j, 0], flow[i, j, 1] = layout.speed_m_s, 0.0
+                continue
             x = x0 + j * COARSE * texel
             depth = depth_m(layout, shore, x, y0 + i * COARSE * texel)
             from_middle = 1 - min(max(depth / layout.half_width_m, 0.0), 1.0)

@@ -98,22 +98,26 @@ class Surface(NamedTuple):
 
     flow: (h/8, w/8, 2) float32 velocity, texels/s. waves: texture of the ripples. lives: (2, 4) age in s, weight and
     texture offset x, y of two generations of ripples. glint: (3,) centre x, y and reach of the sun's glitter, px.
+    contrast: of the ripples, 1 for those of a calm river.
     """
 
     flow: NDArray[np.float32]
     waves: Texture
     lives: FloatArray
     glint: FloatArray
+    contrast: float
 
 
 @kernel(inline="always")
 def _water_level(surface: Surface, u: int, v: int, tx: float, ty: float) -> np.float32:
     """Ripples carried by the flow, two generations that fade into each other, and glitter where the sun stands."""
-    flow, waves, lives, glint = surface
+    flow, waves, lives, glint, contrast = surface
     along = _sample_linear(flow[:, :, 0], tx / COARSE, ty / COARSE)
     across = _sample_linear(flow[:, :, 1], tx / COARSE, ty / COARSE)
     ripple = np.float32(0)
     for k in range(2):
+        if lives[k, 1] == 0:
+            continue
         x = tx - along * lives[k, 0] + lives[k, 2]
         y = ty - across * lives[k, 0] + lives[k, 3]
         fine = sample_texture(waves, x * _FINE_WAVES, y * _FINE_WAVES)
@@ -121,7 +125,7 @@ def _water_level(surface: Surface, u: int, v: int, tx: float, ty: float) -> np.f
         ripple += np.float32(lives[k, 1]) * (np.float32(0.6) * fine + np.float32(0.8) * broad)
     shine = np.float32(np.exp(-((u - glint[0]) ** 2 + (v - glint[1]) ** 2) / glint[2] ** 2))
     glitter = max(ripple - np.float32(1.2), np.float32(0))
-    return np.float32(78) + np.float32(9) * ripple + shine * (np.float32(14) + np.float32(60) * glitter)
+    return np.float32(78) + np.float32(9 * contrast) * ripple + shine * (np.float32(14) + np.float32(60) * glitter)
 
 
 @kernel()

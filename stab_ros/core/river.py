@@ -19,13 +19,15 @@ class Stream:
     """Water that flows from left to right: mean centre and width as shares of the picture height.
 
     bend: how far the centre line swings (share of the height) over one picture width. speed_m_s: in mid-stream;
-    it falls to zero at the banks.
+    it falls to zero at the banks. rigid: all water moves at that speed, along x, with a pattern as strong as the
+    ground's that never changes: nothing but its motion tells it from ground.
     """
 
     centre: float
     width: float
     bend: float
     speed_m_s: float
+    rigid: bool = False
 
 
 @dataclass(frozen=True)

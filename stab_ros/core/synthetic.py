@@ -31,6 +31,7 @@ _TEXEL_PX = math.sqrt(0.2)  # finer than the two samples a pixel has per axis, a
 _MARGIN_TEXELS = 16
 _RIPPLE_LIFE_S = 1.6
 _TRACER_LEVEL = 110.0
+_RIGID_CONTRAST = 2.5  # ripples as strong as gravel
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,10 +159,13 @@ class Flight:
     def _surface(self, index: int) -> Surface:
         width, height = self.size
         glint = np.array([0.62 * width, 0.45 * height, 0.3 * width])
-        return Surface(self._flow, self._waves, self._ripple_lives(index), glint)
+        contrast = _RIGID_CONTRAST if self.preset.stream.rigid else 1.0
+        return Surface(self._flow, self._waves, self._ripple_lives(index), glint, contrast)
 
     def _ripple_lives(self, index: int) -> FloatArray:
         """(2, 4): age in s from the middle of its life, weight, texture offset x, y of both generations of ripples."""
+        if self.preset.stream.rigid:
+            return np.array([[index / self.preset.fps, 1.0, 0, 0], [0.0, 0, 0, 0]])
         lives = []
         for k in range(2):
             turn = index / self.preset.fps / _RIPPLE_LIFE_S + k / 2
@@ -184,7 +188,8 @@ class Flight:
         extent, layout = self.ground.extent, Layout.of(self.preset)
         start, across, radius, bright = self._tracers.T
         length = extent.shape[1] * extent.texel_m
-        travelled = layout.speed_m_s * (1 - across**2) * index / self.preset.fps
+        profile = np.ones_like(across) if layout.rigid else 1 - across**2
+        travelled = layout.speed_m_s * profile * index / self.preset.fps
         x = extent.x_m + (start + travelled) % length
         y = np.array([centre_line(layout, at) for at in x]) + across * layout.half_width_m
         column = np.clip(np.round((x - extent.x_m) / extent.texel_m), 0, extent.shape[1] - 1).astype(int)
