@@ -24,6 +24,7 @@ from stab_ros.core.geometry import apply, inside, normalized, point_jacobian, pr
 from stab_ros.core.overview import Overview
 from stab_ros.core.points import check_inside, check_used
 from stab_ros.core.static_features import StaticFeatures
+from stab_ros.core.static_map import StaticMap
 from stab_ros.core.types import BoolArray, Correspondences, Fit, FloatArray, Gray, Homography
 from stab_ros.methods import METHODS, Method
 
@@ -107,6 +108,15 @@ class Base:
     def features_px(self) -> FloatArray:
         """(features, 2) in px of the base."""
         return self._method.reference_px
+
+    @property
+    def trust(self) -> FloatArray:
+        """(features,) in [0, 1]: how far each has proved to be static ground."""
+        return self._features.trust
+
+    def believe(self, static_map: StaticMap) -> None:
+        """Trusts the features as the map of the reference says."""
+        self._features.believe(static_map.at(apply(self.place.ref_H_base, self.features_px)))
 
     def align(self, gray: Gray, guess: Homography, solve: Solve, chain: bool) -> tuple[Correspondences, Fit | None]:
         """Match and fit from a guess (ref_H_cur); both in px of the reference, without the uncertainty of the base.

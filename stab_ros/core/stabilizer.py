@@ -15,13 +15,16 @@ from stab_ros.core import estimators
 from stab_ros.core.bases import REFERENCES, Base, Place, make_base, reference_base
 from stab_ros.core.camera import Camera
 from stab_ros.core.config import Checked, setting
+from stab_ros.core.deferral import Deferral, Opening, Outcome
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import is_plausible, sigma_px
 from stab_ros.core.gray import depth_scale, to_gray
+from stab_ros.core.ground_choice import Rival
 from stab_ros.core.models import MODELS
 from stab_ros.core.points import check_count
 from stab_ros.core.reference import Motion, Reference, is_textured
 from stab_ros.core.region import Area
+from stab_ros.core.static_map import StaticMap
 from stab_ros.core.types import (
     NO_POINTS,
     BoolArray,
@@ -55,6 +58,8 @@ class StabilizerConfig(Checked):
     interpolation: str = setting("linear", "of image_stabilized", choices=tuple(INTERPOLATION))
     threshold: float = setting(0.5, "a feature further than this from the fit is an outlier, px", 0.01, 20.0)
     ransac_threshold: float = setting(3.0, "of the consensus that ed_ransac filters with `threshold`, px", 0.01, 50.0)
+    start_s: float = setting(1.0, "so much header time after the reference its frames are answered late, once it is "
+                             "known what is ground, s; roi, exclude, points or static_map make it 0", 0.0, 60.0)
     min_inliers: int = setting(12, "with fewer inliers the frame is lost", 1, 10000)
     min_inlier_share: float = setting(0.1, "with a smaller share of the trusted features in view, or, where a detector "
                                       "finds what it finds, of the matches, the frame is lost",
@@ -67,17 +72,23 @@ class Stabilizer:
     """Tracks a stream against its first textured frame.
 
     area: where static ground may be looked for. camera: removes lens distortion first, if given. points_px: (n, 2)
-    float64, the features to go by, in px of the reference; none: the method chooses them.
+    float64, the features to go by, in px of the reference; none: the method chooses them. static_map: where ground
+    is, if that is known.
 
     Raises:
         InputError: the method takes no points, or they are too few.
     """
 
     def __init__(self, config: StabilizerConfig, area: Area | None = None, camera: Camera | None = None,
-                 points_px: FloatArray = NO_POINTS) -> None:
+                 points_px: FloatArray = NO_POINTS, static_map: StaticMap | None = None) -> None:
         _check_points(config, points_px)
         self._config, self._area, self._points_px, self._camera = config, area or Area(), points_px, camera
+        self._given_map = static_map
         self._reference: Reference | None = None
+        self._reset = False
+        self._deferral: Deferral | None = None
+        self._rival: Rival | None = None
+        self._last_match: tuple[Correspondences, Fit | None] | None = None
         self._motion = Motion(np.eye(3), 0)
         self._frames, self._references = 0, 0
 
@@ -86,22 +97,56 @@ class Stabilizer:
         track = self.track(frame)
         return Stabilized(track, self.warp(frame, track))
 
+    def answers(self, frame: Frame) -> list[Track]:
+        """What this frame makes known, in the order of the stream: nothing at first, then its own track.
+
+        For `start_s` after a reference nothing is answered; then all these frames are, at once. Nothing is deferred
+        where regions, points or a map say where ground is.
+
+        Raises:
+            InputError: as `track`.
+        """
+        deferral = self._deferral
+        if deferral is not None and self._continues(frame):
+            deferral.follow(self._count(), frame.stamp_ns, self._gray(frame, deferral.reference.grey_scale))
+            return self.finish() if deferral.over else []
+        late, before = self.finish(), self._reference
+        track = self.track(frame)
+        if self._reference is not None and self._reference is not before:
+            self._defer(self._reference)
+        return [*late, track]
+
+    def finish(self) -> list[Track]:
+        """The answers that are still deferred, by what has been seen so far."""
+        if self._deferral is None:
+            return []
+        outcome, self._deferral = self._deferral.outcome(), None
+        self._static_map, self._ground_known, self._rival = outcome.static_map, True, outcome.rival
+        self._base.believe(self._static_map)
+        return [self._opened(opening, outcome) for opening in outcome.openings]
+
     def track(self, frame: Frame) -> Track:
         """Where the frame lies in the reference; the first textured frame, and one of another size, becomes it.
 
+        The frame is answered at once, by what is known of the ground so far.
+
         Raises:
-            InputError: `roi`, `exclude` or points do not fit the reference, or the camera does not fit the frame.
+            InputError: `roi`, `exclude`, points or the map do not fit the reference, or the camera does not fit the
+                frame.
         """
-        index, self._frames = self._frames, self._frames + 1
-        if self._reference is None or self._reference.frame.size != frame.size:
+        index = self._count()
+        if self._reference is None or not self._continues(frame):
             return self._start(index, frame)
         gray = self._gray(frame, self._reference.grey_scale)
         for guess in self._guesses(gray, frame.stamp_ns):
             pairs, fit = self._align(gray, guess)
-            if fit is not None and self._accepts(pairs, fit, frame.size):
-                return self._tracked(index, frame, gray, pairs, fit)
+            if fit is not None and self._accepts(fit, self._base.expected(pairs, fit.ref_H_cur), frame.size):
+                self._base.learn(pairs, fit)
+                track = self._tracked(index, frame.stamp_ns, pairs, fit, frame.size)
+                self._move_base(gray, Place(fit.ref_H_cur, self._base.place.accumulated(fit, frame.size)))
+                return track
         self._motion = self._motion.standing()
-        return self._lost(index, frame, len(pairs))
+        return self._lost(index, frame.stamp_ns, len(pairs))
 
     def warp(self, frame: Frame, track: Track) -> Image | None:
         """The frame in the reference's place; what `on_lost` says for a lost one (None: nothing)."""
@@ -150,6 +195,16 @@ class Stabilizer:
         self._take(base, allowed)
 
     @property
+    def static_map(self) -> StaticMap | None:
+        """Where static ground lies in the reference, as far as it is known."""
+        return self._static_map if self._reference else None
+
+    @property
+    def rival(self) -> Rival | None:
+        """What may be the ground as well as what was taken for it; None: there is no doubt."""
+        return self._rival if self._reference else None
+
+    @property
     def reference(self) -> Frame | None:
         """The frame all others are brought back to."""
         return self._reference.frame if self._reference else None
@@ -164,6 +219,15 @@ class Stabilizer:
         """What the last compared frame was judged by: the features found in it, and what was fitted to them."""
         return self._last_match if self._reference else None
 
+    def _count(self) -> int:
+        """The number of the next frame."""
+        self._frames += 1
+        return self._frames - 1
+
+    def _continues(self, frame: Frame) -> bool:
+        """Whether the frame can be compared with the reference."""
+        return self._reference is not None and self._reference.frame.size == frame.size
+
     def _gray(self, frame: Frame, grey_scale: float) -> Gray:
         """The frame as the methods see it: gray, without lens distortion."""
         if self._camera is not None and self._camera.size != frame.size:
@@ -176,15 +240,19 @@ class Stabilizer:
         """Take a copy of the frame as the reference, if there is anything in it to find again."""
         scale = depth_scale(frame)
         gray = self._gray(frame, scale)
+        if self._given_map is not None:
+            self._given_map.check_size(frame.size)
         if not is_textured(gray):
-            return self._lost(index, frame, 0)
+            return self._lost(index, frame.stamp_ns, 0)
         own = dataclasses.replace(frame, image=frame.image.copy())  # the caller may use its buffer again
         reference, allowed = Reference(own, gray.copy(), scale), self._area.allowed(frame.size)
         config = self._config
         base = reference_base(reference.gray, config.method, config.method_config, allowed, self._points_px)
         found = len(base.features_px)
         if found < config.min_inliers:
-            return self._lost(index, frame, 0)
+            return self._lost(index, frame.stamp_ns, 0)
+        self._static_map, self._rival = self._given_map or StaticMap.of_mask(allowed), None
+        self._ground_known = self._given_map is not None
         self._take(base, allowed)
         self._reference = reference
         self._motion = Motion(np.eye(3), frame.stamp_ns)
@@ -192,9 +260,33 @@ class Stabilizer:
         return Track(State.TRACKED, index, frame.stamp_ns, frame.stamp_ns, self.reset_counter, found, found,
                      np.eye(3), np.zeros((8, 8)), 0.0, 0.0)
 
+    def _defer(self, reference: Reference) -> None:
+        """From here on frames are answered late, if there is anything to find out about the ground."""
+        config = self._config
+        known = self._given_map or self._area.roi or self._area.exclude or len(self._points_px)
+        if known or not config.start_s:
+            return
+        deferral = Deferral(reference, self._allowed, round(config.start_s * 1e9))
+        self._deferral = deferral if deferral.useful else None
+
+    def _opened(self, opening: Opening, outcome: Outcome) -> Track:
+        """The late answer to a deferred frame."""
+        fit = self._solve(opening.pairs, opening.guess, opening.trust)
+        self._last_match = opening.pairs, fit
+        if fit is not None and self._accepts(fit, outcome.expected(fit.ref_H_cur), outcome.size):
+            return self._tracked(opening.index, opening.stamp_ns, opening.pairs, fit, outcome.size)
+        self._motion = self._motion.standing()
+        return self._lost(opening.index, opening.stamp_ns, len(opening.pairs))
+
     def _take(self, base: Base, allowed: BoolArray) -> None:
-        self._base, self._allowed, self._base_age = base, allowed, 0
-        self._last_match: tuple[Correspondences, Fit | None] | None = None
+        self._base, self._allowed, self._base_age = self._informed(base), allowed, 0
+        self._last_match = None
+
+    def _informed(self, base: Base) -> Base:
+        """A new base, told what is ground if that is known."""
+        if self._ground_known:
+            base.believe(self._static_map)
+        return base
 
     def _guesses(self, gray: Gray, stamp_ns: int) -> Iterator[Homography]:
         """Where the frame may lie: going on as before, or having stopped, or wherever it has jumped to."""
@@ -212,26 +304,24 @@ class Stabilizer:
         return estimators.fit(pairs, config.model, config.estimator, config.threshold, guess, trust,
                               config.ransac_threshold)
 
-    def _accepts(self, pairs: Correspondences, fit: Fit, size: tuple[int, int]) -> bool:
+    def _accepts(self, fit: Fit, expected: float, size: tuple[int, int]) -> bool:
         """The gate: a motion that a camera can make, enough agreement, and a certain result of this comparison."""
         if not is_plausible(self._base.place.to_base(fit.ref_H_cur), size):
             return False
-        inliers = int(fit.inlier.sum())
-        expected = self._base.expected(pairs, fit.ref_H_cur)
         return (
-            inliers >= max(self._config.min_inliers, self._config.min_inlier_share * expected)
+            int(fit.inlier.sum()) >= max(self._config.min_inliers, self._config.min_inlier_share * expected)
             and sigma_px(fit.ref_H_cur, fit.covariance, size) <= self._config.max_sigma
         )
 
-    def _tracked(self, index: int, frame: Frame, gray: Gray, pairs: Correspondences, fit: Fit) -> Track:
+    def _tracked(self, index: int, stamp_ns: int, pairs: Correspondences, fit: Fit, size: tuple[int, int]) -> Track:
         """The answer of an accepted fit, which the next frames go by."""
-        self._motion = self._motion.then(fit.ref_H_cur, frame.stamp_ns)
-        self._base.learn(pairs, fit)
-        covariance = self._base.place.accumulated(fit, frame.size)
-        self._move_base(gray, Place(fit.ref_H_cur, covariance))
-        return Track(State.TRACKED, index, frame.stamp_ns, self._reference_stamp_ns, self.reset_counter, len(pairs),
+        self._motion = self._motion.then(fit.ref_H_cur, stamp_ns)
+        covariance = self._base.place.accumulated(fit, size)
+        if self._rival is not None:
+            covariance = covariance + self._rival.spread(fit.ref_H_cur, (stamp_ns - self._reference_stamp_ns) / 1e9)
+        return Track(State.TRACKED, index, stamp_ns, self._reference_stamp_ns, self.reset_counter, len(pairs),
                      int(fit.inlier.sum()), fit.ref_H_cur, covariance, fit.rmse_px,
-                     sigma_px(fit.ref_H_cur, covariance, frame.size))
+                     sigma_px(fit.ref_H_cur, covariance, size))
 
     def _move_base(self, gray: Gray, place: Place) -> None:
         """The frame just tracked becomes the base if it is time for that; the old one goes on if it cannot."""
@@ -241,10 +331,10 @@ class Stabilizer:
             return
         base = make_base(gray.copy(), place, config.method, config.method_config, self._allowed, self._points_px)
         if len(base.features_px) >= config.min_inliers:
-            self._base, self._base_age = base, 0
+            self._base, self._base_age = self._informed(base), 0
 
-    def _lost(self, index: int, frame: Frame, matches: int) -> Track:
-        return Track(State.LOST, index, frame.stamp_ns, self._reference_stamp_ns, self.reset_counter, matches)
+    def _lost(self, index: int, stamp_ns: int, matches: int) -> Track:
+        return Track(State.LOST, index, stamp_ns, self._reference_stamp_ns, self.reset_counter, matches)
 
     @property
     def _reference_stamp_ns(self) -> int:

@@ -25,6 +25,11 @@ class StaticFeatures:
         """(features,) float64."""
         return self._trust
 
+    def believe(self, trust: FloatArray) -> None:
+        """What is known of them from elsewhere: (features,) in [0, 1], in place of what was learnt."""
+        self._trust = trust.astype(np.float64)
+        self._frames = max(self._frames, round(1 / _RATE))
+
     def learn(self, pairs: Correspondences, fit: Fit, in_view: BoolArray) -> None:
         """Move the trust of all features that should be visible towards whether they agreed with the accepted fit."""
         self._frames += 1

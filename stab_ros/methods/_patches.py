@@ -18,6 +18,7 @@ import cv2
 import numba
 import numpy as np
 
+from stab_ros.core.geometry import apply
 from stab_ros.core.kernels import kernel
 from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, IdArray, Image
 
@@ -156,20 +157,26 @@ def _derivative(wide: FloatArray, axis: int) -> FloatArray:
     return np.asarray((at[0] - 8 * at[1] + 8 * at[3] - at[4]) / 12)
 
 
-def measure(patches: Patches, chosen: IdArray, gray: Gray, cur_H_ref: Homography) -> Measured:
-    """Sample `gray` where `cur_H_ref` says each of the `chosen` patches is, and see how far off that was."""
+def measure(patches: Patches, chosen: IdArray, gray: Gray, cur_H_ref: Homography,
+            at_px: FloatArray | None = None) -> Measured:
+    """Sample `gray` where `cur_H_ref` says each of the `chosen` patches is, and see how far off that was.
+
+    at_px: (N, 2) where each is instead; `cur_H_ref` then only says how it is turned and stretched.
+    """
     n = len(chosen)
+    at_px = apply(cur_H_ref, patches.centres[chosen].astype(np.float64)) if at_px is None else at_px
     measured = Measured(chosen, np.zeros((n, 2)), np.zeros(n), np.zeros((n, 2, 2)))
-    _measure(gray, cur_H_ref, chosen, patches.centres, patches.radius, patches.template, patches.power, patches.pull,
-             patches.precision, patches.lever, measured.displacement, measured.correlation, measured.information)
+    _measure(gray, cur_H_ref, at_px, chosen, patches.centres, patches.radius, patches.template, patches.power,
+             patches.pull, patches.precision, patches.lever, measured.displacement, measured.correlation,
+             measured.information)
     return measured
 
 
 # The helpers below are inlined: linked separately, a freshly compiled kernel and one from numba's cache would round
 # differently, and the live homographies would not be the command's.
 @kernel(fastmath=True)
-def _measure(gray: Gray, H: Homography, chosen: IdArray, centres: IdArray, radius: int, template: FloatArray,
-             power: FloatArray, pull: FloatArray, precision: FloatArray, lever: FloatArray,
+def _measure(gray: Gray, H: Homography, at_px: FloatArray, chosen: IdArray, centres: IdArray, radius: int,
+             template: FloatArray, power: FloatArray, pull: FloatArray, precision: FloatArray, lever: FloatArray,
              displacement: FloatArray, correlation: FloatArray, information: FloatArray) -> None:
     """Fill the last three arrays; a patch that is not wholly inside the picture, or flat there, stays at zero."""
     height, width = gray.shape
@@ -180,10 +187,11 @@ def _measure(gray: Gray, H: Homography, chosen: IdArray, centres: IdArray, radiu
         w = H[2, 0] * cx + H[2, 1] * cy + H[2, 2]
         if w <= 0:
             continue
-        px, py = (H[0, 0] * cx + H[0, 1] * cy + H[0, 2]) / w, (H[1, 0] * cx + H[1, 1] * cy + H[1, 2]) / w
+        px, py = at_px[i, 0], at_px[i, 1]
         # the homography's derivative at the centre: over a patch the rest is below 0.001 px
-        xx, xy = (H[0, 0] - px * H[2, 0]) / w, (H[0, 1] - px * H[2, 1]) / w
-        yx, yy = (H[1, 0] - py * H[2, 0]) / w, (H[1, 1] - py * H[2, 1]) / w
+        hx, hy = (H[0, 0] * cx + H[0, 1] * cy + H[0, 2]) / w, (H[1, 0] * cx + H[1, 1] * cy + H[1, 2]) / w
+        xx, xy = (H[0, 0] - hx * H[2, 0]) / w, (H[0, 1] - hx * H[2, 1]) / w
+        yx, yy = (H[1, 0] - hy * H[2, 0]) / w, (H[1, 1] - hy * H[2, 1]) / w
         reach_x, reach_y = radius * (abs(xx) + abs(xy)), radius * (abs(yx) + abs(yy))
         if not (px - reach_x >= 1 and py - reach_y >= 1 and px + reach_x < width - 3 and py + reach_y < height - 3):
             continue

@@ -1,0 +1,99 @@
+"""The start of a stream, deferred: its frames are followed without an answer until it is known what is ground.
+
+Only what became of each feature is kept, no picture; once the start is over, the frames are answered late, all at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stab_ros.core.geometry import apply, inside
+from stab_ros.core.ground_choice import Rival, Scene, choose_ground
+from stab_ros.core.planes import find_planes
+from stab_ros.core.reference import Reference
+from stab_ros.core.static_map import StaticMap
+from stab_ros.core.survey import Survey
+from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography
+
+_LEAST_FEATURES = 48  # with fewer there is nothing to choose between
+_MOST_FRAMES = 120  # where stamps do not advance
+
+
+@dataclass(frozen=True, eq=False)
+class Opening:
+    """One deferred frame: its number and stamp, what it shows of the features, and roughly where it lies.
+
+    trust: (N,) of the pairs, 1 for ground, 0 for the rest.
+    """
+
+    index: int
+    stamp_ns: int
+    pairs: Correspondences
+    trust: FloatArray
+    guess: Homography
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What the start has shown. ground_px: (n, 2) features of the ground in the reference. size: of that, px."""
+
+    openings: list[Opening]
+    ground_px: FloatArray
+    static_map: StaticMap
+    rival: Rival | None
+    size: tuple[int, int]
+
+    def expected(self, ref_H_cur: Homography) -> float:
+        """How many features of the ground a frame there should show."""
+        return float(inside(apply(np.linalg.inv(ref_H_cur), self.ground_px), self.size).sum())
+
+
+class Deferral:
+    """Follows the frames after a reference for a while."""
+
+    def __init__(self, reference: Reference, allowed: BoolArray, duration_ns: int) -> None:
+        """allowed: (h, w) bool, where ground may be. duration_ns: of header time from the reference on."""
+        self.reference, self._duration_ns = reference, duration_ns
+        self._size, self._start_ns = reference.frame.size, reference.frame.stamp_ns
+        self._survey = Survey(reference.gray, allowed)
+        self._indices: list[int] = []
+        self._stamps_ns: list[int] = []
+
+    @property
+    def useful(self) -> bool:
+        """Whether the reference shows enough to follow."""
+        return len(self._survey.reference_px) >= _LEAST_FEATURES
+
+    @property
+    def over(self) -> bool:
+        """Whether the last frame has brought the start to its end."""
+        if not self._stamps_ns:
+            return False
+        last_ns = self._stamps_ns[-1]
+        return not (self._start_ns <= last_ns < self._start_ns + self._duration_ns
+                    and len(self._stamps_ns) < _MOST_FRAMES)
+
+    def follow(self, index: int, stamp_ns: int, gray: Gray) -> None:
+        """Takes the next frame, (h, w) uint8."""
+        self._survey.follow(gray)
+        self._indices.append(index)
+        self._stamps_ns.append(stamp_ns)
+
+    def outcome(self) -> Outcome:
+        """What is ground, and the frames so far in its light; everything, if the features show no plane."""
+        trajectories, shapes = self._survey.trajectories(), self._survey.shapes
+        elapsed_s = (np.array(self._stamps_ns) - self._start_ns) / 1e9
+        planes = find_planes(trajectories, shapes)
+        member, places, rival = np.ones(len(self._survey.reference_px), bool), shapes, None
+        if planes:
+            choice = choose_ground(planes, Scene(self._survey.reference_px, self._size, elapsed_s))
+            member, rival = choice.ground.member, choice.rival
+            places = np.where(np.isnan(choice.ground.ref_H_cur), shapes, choice.ground.ref_H_cur)
+        openings = []
+        for k, (index, stamp_ns) in enumerate(zip(self._indices, self._stamps_ns, strict=True)):
+            pairs = trajectories.pairs(k)
+            openings.append(Opening(index, stamp_ns, pairs, member[pairs.feature_id].astype(float), places[k]))
+        ground = StaticMap.of_features(self._survey.reference_px, member.astype(float), self._size)
+        return Outcome(openings, self._survey.reference_px[member], ground, rival, self._size)
