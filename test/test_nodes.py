@@ -94,7 +94,8 @@ def test_status_counts_what_happens() -> None:
     status.waiting_for = "images on /image_raw"
     before = status.report(0)
     assert (before.level, before.message, before.values["state"]) == (1, "waiting for images on /image_raw", "WAITING")
-    status.on_frame(a_track(State.TRACKED), latency_ns=12_345_678, now_ns=SECOND_NS)
+    status.on_image(SECOND_NS)
+    status.on_track(a_track(State.TRACKED), latency_ns=12_345_678)
     status.on_dropped(3)
     report = status.report(2 * SECOND_NS)
     assert (report.level, report.message) == (0, "tracked")
@@ -107,7 +108,8 @@ def test_status_counts_what_happens() -> None:
 
 def test_status_of_lost_refused_and_missing_frames() -> None:
     status = TrackerStatus("klt", stale_ns=2 * SECOND_NS)
-    status.on_frame(a_track(State.LOST), latency_ns=1, now_ns=0)
+    status.on_image(0)
+    status.on_track(a_track(State.LOST), latency_ns=1)
     status.on_refused("step is too short")
     report = status.report(SECOND_NS)
     assert (report.level, report.message) == (1, "lost; refused an image: step is too short")

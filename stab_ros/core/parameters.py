@@ -43,6 +43,9 @@ def _of_the_tracker() -> Iterator[Parameter]:
     for one in parameters_of(StabilizerConfig):
         yield _method_or_preset(one) if one.name == "method" else one
     yield from _areas()
+    yield Parameter("static_map", "", Range("a static map of the same reference, as saved before: the path of a bag "
+                                            'that stabilize has written, or of a PNG (white: static ground); "": the '
+                                            "map is found out at the start"))
     yield Parameter("points_file", "", Range("a CSV name,x,y of points in reference px for the method to go by, for "
                                              'methods that take points; "": it chooses them itself'))
     yield Parameter("manual_points", "", Range("the same as JSON [[x, y], ...]"))

@@ -116,6 +116,16 @@ class Stabilizer:
             self._defer(self._reference)
         return [*late, track]
 
+    @property
+    def deferring(self) -> bool:
+        """Whether answers are being deferred: `answers` or `finish` will give them later."""
+        return self._deferral is not None
+
+    @property
+    def frames(self) -> int:
+        """How many frames there have been, answered or not: the index of the next one."""
+        return self._frames
+
     def finish(self) -> list[Track]:
         """The answers that are still deferred, by what has been seen so far."""
         if self._deferral is None:

@@ -8,6 +8,7 @@ import time
 import traceback
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
@@ -24,7 +25,7 @@ from stab_ros.core.errors import StabRosError
 from stab_ros.core.types import Frame, Image, Track
 from stab_ros.io.engine import make_stabilizer
 from stab_ros.io.pipeline import PictureTracker, Result
-from stab_ros.io.source import open_source
+from stab_ros.io.source import Picture, open_source, read_again
 from stab_ros.io.text import one_line
 
 _STATUS = Path("/proc/self/status")
@@ -150,14 +151,34 @@ def _work(connection: Connection, run: Run) -> None:
     """What the child does."""
     with _Reported(connection), open_source(run.source, run.image_topic, run.fps) as source:
         camera = source.camera() if run.values.get("use_camera_info") else None
-        tracker = PictureTracker(make_stabilizer(run.values, camera), need_image=True)
+        again = partial(read_again, run.source, run.image_topic, run.fps, run.limit)
+        tracker = PictureTracker(make_stabilizer(run.values, camera), need_image=True, read_again=again)
+        clock = _Clock(tracker)
         with event.install_recorder(_COMPILE) as compilations:
             for picture in source.frames(run.limit):
-                started_s = time.perf_counter()
-                result = tracker.step(picture)
-                _send(connection, result, time.perf_counter() - started_s, bool(compilations.buffer))
+                result, seconds = clock.step(picture)
+                _send(connection, result, seconds, bool(compilations.buffer))
                 connection.recv_bytes()
         connection.send((Finished(peak_mb()), None))
+
+
+class _Clock:
+    """Times the steps of a tracker. What one step does ahead for others is shared out among them all."""
+
+    def __init__(self, tracker: PictureTracker) -> None:
+        self._tracker = tracker
+        self._share_s = 0.0
+
+    def step(self, picture: Picture) -> tuple[Result, float]:
+        """The result and its seconds."""
+        ahead, started_s = self._tracker.ahead, time.perf_counter()
+        result = self._tracker.step(picture)
+        elapsed_s = time.perf_counter() - started_s
+        if self._tracker.ahead > ahead:
+            self._share_s = elapsed_s = elapsed_s / (self._tracker.ahead + 1)
+        elif ahead:
+            elapsed_s += self._share_s
+        return result, elapsed_s
 
 
 def _send(connection: Connection, result: Result, seconds: float, compiled: bool) -> None:

@@ -22,6 +22,7 @@ from stab_ros.core.parameters import (
 from stab_ros.core.stabilizer import Stabilizer
 from stab_ros.io.points import read_points, read_tracking_points
 from stab_ros.io.regions import read_area
+from stab_ros.io.static_maps import read_static_map
 from stab_ros.io.text import one_line
 
 TRACKER, EVALUATOR = "tracker_node", "evaluator_node"
@@ -39,7 +40,8 @@ def make_stabilizer(values: Mapping[str, Value], camera: Camera | None = None) -
     Raises:
         InputError: a value, a region or the points are wrong.
     """
-    return Stabilizer(stabilizer_config(values), read_area(values), camera, read_tracking_points(values))
+    return Stabilizer(stabilizer_config(values), read_area(values), camera, read_tracking_points(values),
+                      read_static_map(values))
 
 
 def reconfigure(stabilizer: Stabilizer, values: Mapping[str, Value]) -> None:

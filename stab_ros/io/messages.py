@@ -18,6 +18,7 @@ from rosbags.typesys.stores import ros2_jazzy as ros
 from stab_ros.core.camera import Camera
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.frame_metrics import POINT_METRICS, UNITS, FrameMetrics, Outcome
+from stab_ros.core.static_map import StaticMap
 from stab_ros.core.types import FloatArray, Frame, Homography, Image, Track
 from stab_ros.io.pixels import decode_compressed, decode_image
 from stab_ros.io.text import number
@@ -175,6 +176,11 @@ def track_cdr(track: Track, header: Header) -> bytes:
     }
     level = OK if track.tracked else WARN
     return _diagnostics(header, "track", header.frame_id, level, track.state.value, values)
+
+
+def static_map_cdr(static_map: StaticMap, header: Header) -> bytes:
+    """Image of the reference's size, mono8: 255 where static ground is, 0 where it is not."""
+    return image_cdr(static_map.picture(), "mono8", header)
 
 
 def metrics_cdr(metrics: FrameMetrics, point_names: Sequence[str], header: Header) -> bytes:

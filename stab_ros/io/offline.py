@@ -6,10 +6,12 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from stab_ros.core.camera import Camera
 from stab_ros.core.config import Value
+from stab_ros.core.ground_choice import Rival
 from stab_ros.core.parameters import PARAMETERS
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import BagWriter
@@ -17,7 +19,7 @@ from stab_ros.io.engine import make_stabilizer
 from stab_ros.io.homographies import HomographyWriter
 from stab_ros.io.outputs import check_output, completed
 from stab_ros.io.pipeline import Counts, Outputs, run
-from stab_ros.io.source import Source, open_source
+from stab_ros.io.source import Source, open_source, read_again
 from stab_ros.io.stabilized_bag import StabilizedBag
 from stab_ros.io.video_writer import VideoWriter
 
@@ -70,9 +72,10 @@ def stabilize(job: Job, progress: Progress) -> Summary:
         stabilizer = make_stabilizer(job.values, camera)
         total = expected(source.count, job.limit)
         with _open_outputs(job, source, camera) as outputs:
-            counts = run(source.items(job.limit), stabilizer, outputs, lambda done: progress(done, total))
+            counts = run(source.items(job.limit), stabilizer, outputs, lambda done: progress(done, total),
+                         partial(read_again, job.source, job.image_topic, job.fps, job.limit))
         warnings = (*_replaced(source, outputs.bag.replaced), *source.warnings, *_unused(source, counts),
-                    *_without_reference(source, stabilizer.reference))
+                    *_without_reference(source, stabilizer.reference), *_ambiguous(source, stabilizer.rival))
     return Summary(counts.frames, counts.tracked, time.monotonic() - started_s, warnings)
 
 
@@ -114,6 +117,10 @@ def _unused(source: Source, counts: Counts) -> list[str]:
         return []
     return [f"{source.name}: {counts.unused} of {counts.frames} images of {source.image_topic} cannot be used "
             f"and count as lost; the first: {counts.problem}"]
+
+
+def _ambiguous(source: Source, rival: Rival | None) -> list[str]:
+    return [] if rival is None else [f"{source.name}: {rival}"]
 
 
 def _without_reference(source: Source, reference: Frame | None) -> list[str]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Generator, Iterable
+from contextlib import closing
 from dataclasses import dataclass, replace
 
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.stabilizer import Stabilizer
+from stab_ros.core.static_map import StaticMap
 from stab_ros.core.types import Frame, Image, State, Track
 from stab_ros.io.bag import Message
 from stab_ros.io.homographies import HomographyWriter
@@ -17,17 +19,23 @@ from stab_ros.io.video_writer import VideoWriter
 
 # called after every frame with how many are done
 Progress = Callable[[int], None]
+# the pictures of the input once more, from a number on
+ReadAgain = Callable[[int], Generator[Picture, None, None]]
 
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """One picture, its number in the input, its track, and the picture in the reference's place (None: not wanted)."""
+    """One picture, its number in the input, its track, and the picture in the reference's place (None: not wanted).
+
+    static_map: where ground is, if that has become known or has changed with this picture.
+    """
 
     number: int
     picture: Picture
     track: Track
     image: Image | None
     reference_size: tuple[int, int] | None
+    static_map: StaticMap | None = None
 
 
 @dataclass(frozen=True)
@@ -44,7 +52,7 @@ class Outputs:
 
     def write(self, result: Result) -> None:
         frame = result.picture.decoded
-        self.bag.write(result.picture, result.track, result.image, result.reference_size)
+        self.bag.write(result.picture, result.track, result.image, result.reference_size, result.static_map)
         if self.table is not None:
             self.table.write(result.number, result.track)
         if self.video is not None:
@@ -68,9 +76,10 @@ class Counts:
             self.problem = self.problem or str(result.picture.decoded)
 
 
-def run(items: Iterable[Picture | Message], stabilizer: Stabilizer, outputs: Outputs, progress: Progress) -> Counts:
+def run(items: Iterable[Picture | Message], stabilizer: Stabilizer, outputs: Outputs, progress: Progress,
+        read_again: ReadAgain) -> Counts:
     """Reads here, tracks and writes on two more threads, each a frame or two behind the other, all in order."""
-    tracker, counts = PictureTracker(stabilizer, outputs.need_image), Counts()
+    tracker, counts = PictureTracker(stabilizer, outputs.need_image, read_again), Counts()
 
     def write(item: Result | Message) -> None:
         if isinstance(item, Message):
@@ -90,30 +99,80 @@ def run(items: Iterable[Picture | Message], stabilizer: Stabilizer, outputs: Out
 
 
 class PictureTracker:
-    """The stabilizer over pictures, of which some cannot be used: those are lost, and counted as frames."""
+    """The stabilizer over pictures, of which some cannot be used: those are lost, and counted as frames.
 
-    def __init__(self, stabilizer: Stabilizer, need_image: bool) -> None:
+    While the stabilizer defers its answers it is led ahead through the pictures, which are not kept but read again;
+    so every picture has its answer when its turn comes.
+    """
+
+    def __init__(self, stabilizer: Stabilizer, need_image: bool, read_again: ReadAgain) -> None:
         self._stabilizer = stabilizer
         self._need_image = need_image
+        self._read_again = read_again
         self._number = -1
+        self._ahead: dict[int, Track | InputError] = {}
+        self._shown_map: StaticMap | None = None
+
+    @property
+    def ahead(self) -> int:
+        """How many pictures after the last one are answered already."""
+        return len(self._ahead)
 
     def step(self, picture: Picture) -> Result:
         """Raises InputError if what the user gave does not fit the first reference; later that is a picture lost."""
         self._number += 1
         if isinstance(picture.decoded, MessageError):
             return self._result(picture, self._lost(picture), None)
-        try:
-            track = self._stabilizer.track(picture.decoded)
-        except InputError as error:
-            if self._stabilizer.reference is None:
-                raise
-            return self._result(replace(picture, decoded=MessageError(str(error))), self._lost(picture), None)
+        track = self._track(picture.decoded)
+        if isinstance(track, InputError):
+            return self._result(replace(picture, decoded=MessageError(str(track))), self._lost(picture), None)
         image = self._stabilizer.warp(picture.decoded, track) if self._need_image else None
         return self._result(picture, track, image)
 
+    def _track(self, frame: Frame) -> Track | InputError:
+        """The answer for the picture whose turn it is, or why there is none."""
+        if self._number in self._ahead:
+            return self._ahead.pop(self._number)
+        try:
+            (track,) = self._stabilizer.answers(frame)
+        except InputError as error:
+            if self._stabilizer.reference is None:
+                raise
+            return error
+        if self._stabilizer.deferring:
+            self._look_ahead()
+        return track
+
+    def _look_ahead(self) -> None:
+        """Leads the stabilizer on until it has answered everything it has seen."""
+        numbers: dict[int, int] = {}  # by index of the stabilizer's frames
+        with closing(self._read_again(self._number + 1)) as pictures:
+            for number, picture in enumerate(pictures, self._number + 1):
+                if isinstance(picture.decoded, Frame):
+                    numbers[self._stabilizer.frames] = number
+                    self._take(number, self._answers(picture.decoded), numbers)
+                if not self._stabilizer.deferring:
+                    return
+        self._take(self._number, self._stabilizer.finish(), numbers)
+
+    def _answers(self, frame: Frame) -> list[Track] | InputError:
+        try:
+            return self._stabilizer.answers(frame)
+        except InputError as error:
+            return error
+
+    def _take(self, number: int, answers: list[Track] | InputError, numbers: dict[int, int]) -> None:
+        if isinstance(answers, InputError):
+            self._ahead[number] = answers
+            return
+        for track in answers:
+            self._ahead[numbers[track.index]] = track
+
     def _result(self, picture: Picture, track: Track, image: Image | None) -> Result:
-        reference = self._stabilizer.reference
-        return Result(self._number, picture, track, image, None if reference is None else reference.size)
+        reference, static_map = self._stabilizer.reference, self._stabilizer.static_map
+        changed, self._shown_map = static_map is not self._shown_map, static_map
+        return Result(self._number, picture, track, image, None if reference is None else reference.size,
+                      static_map if changed else None)
 
     def _lost(self, picture: Picture) -> Track:
         reference = self._stabilizer.reference

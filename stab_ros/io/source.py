@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import statistics
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Generator, Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from enum import Enum
@@ -104,6 +104,13 @@ def open_source(path: Path, image_topic: str | None = None, fps: float | None = 
             raise InputError(f"{path}: a {kind.value} has no topic {image_topic}, its one topic is {PICTURE_TOPIC}")
         with closing(VideoFile(path, fps) if kind is Kind.VIDEO else ImageFolder(path, fps)) as pictures:
             yield PictureSource(path, pictures)
+
+
+def read_again(path: Path, image_topic: str | None, fps: float | None, limit: int | None,
+               number: int) -> Generator[Picture, None, None]:
+    """The pictures of an input that is open already once more, of the first `limit` those from `number` on."""
+    with open_source(path, image_topic, fps) as source:
+        yield from itertools.islice(source.frames(limit), number, None)
 
 
 def kind_of(path: Path) -> Kind:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from stab_ros.core.camera import Camera
+from stab_ros.core.static_map import StaticMap
 from stab_ros.core.types import Frame, Image, Track
 from stab_ros.io.bag import BagWriter, Message, Topic, topic_of
 from stab_ros.io.messages import (
@@ -15,6 +16,7 @@ from stab_ros.io.messages import (
     header_of,
     homography_cdr,
     image_cdr,
+    static_map_cdr,
     track_cdr,
 )
 from stab_ros.io.source import Picture, Source, namespace_of
@@ -26,11 +28,12 @@ class Names:
 
     homography: str
     track: str
+    static_map: str
     image: str | None
 
     @property
     def types(self) -> Mapping[str, str]:
-        made = {self.homography: CAMERA_INFO, self.track: DIAGNOSTIC_ARRAY}
+        made = {self.homography: CAMERA_INFO, self.track: DIAGNOSTIC_ARRAY, self.static_map: IMAGE}
         return made if self.image is None else {**made, self.image: IMAGE}
 
 
@@ -38,13 +41,13 @@ def names_for(image_topic: Topic, with_image: bool) -> Names:
     """The topics made from `image_topic`."""
     namespace = namespace_of(image_topic)
     image = f"{namespace}/image_stabilized" if with_image else None
-    return Names(f"{namespace}/homography", f"{namespace}/track", image)
+    return Names(f"{namespace}/homography", f"{namespace}/track", f"{namespace}/static_map", image)
 
 
 class StabilizedBag:
     """Writes homography, track and stabilised image of every frame, and the input's other messages byte for byte.
 
-    A topic of the input that bears the name of one we make is left out (`replaced`).
+    The static map is written whenever it changes. A topic of the input that bears the name of one we make is left out (`replaced`).
 
     Raises:
         WorkError: the bag cannot be written (any method).
@@ -69,10 +72,9 @@ class StabilizedBag:
         if message.topic in self._taken_over:
             self._writer.write(message.topic, message.log_time_ns, message.publish_time_ns, message.data)
 
-    def write(
-        self, picture: Picture, track: Track, image: Image | None, reference_size: tuple[int, int] | None
-    ) -> None:
-        """All messages of one frame, logged when the frame was."""
+    def write(self, picture: Picture, track: Track, image: Image | None, reference_size: tuple[int, int] | None,
+              static_map: StaticMap | None) -> None:
+        """All messages of one frame, logged when the frame was. static_map: where it has changed."""
         if self._raw_topic.name in self._taken_over:
             self._write_raw(picture)
         frame = picture.decoded
@@ -82,6 +84,8 @@ class StabilizedBag:
         size = reference_size or frame.size
         self._write(picture, self._names.homography, homography_cdr(track, header, size, self._camera))
         self._write(picture, self._names.track, track_cdr(track, header))
+        if static_map is not None:
+            self._write(picture, self._names.static_map, static_map_cdr(static_map, header))
         if self._names.image is not None and image is not None:
             self._write(picture, self._names.image, image_cdr(image, frame.encoding, header))
 

@@ -55,8 +55,7 @@ _BLENDER_MANUAL: Mapping[str, Value] = {
 _BLENDER_8: Mapping[str, Value] = {"region.points": 8, "region.layout": "even"}
 _BASENTO_AREAS: Mapping[str, Value] = {"region.area": 21, "region.search": 41}
 
-# name -> parameter -> value; "method" is one of METHODS, explicit parameters override the others
-PRESETS: Mapping[str, Mapping[str, Value]] = MappingProxyType({
+_OF_THE_PAPERS: Mapping[str, Mapping[str, Value]] = {
     "fft_cuas": _FFT_CUAS,
     "fft_cuas_alpine": {**_FFT_CUAS, "fft.points": 8, "fft.layout": "even"},
     "fft_cuas_basento": {**_FFT_CUAS, "model": "projective", "fft.points": 14, "fft.layout": "even",
@@ -76,4 +75,8 @@ PRESETS: Mapping[str, Mapping[str, Value]] = MappingProxyType({
     "blender_manual_basento": {**_BLENDER_MANUAL, **_BLENDER_8, **_BASENTO_AREAS},
     "blender_auto": {**_BLENDER_MANUAL, "estimator": "ransac", "region.points": 1000, "region.layout": "even",
                      "region.min_distance": 120.0, "region.margin": 16, **_BASENTO_AREAS},
-})
+}
+# name -> parameter -> value; "method" is one of METHODS, explicit parameters override the others. The tools of the
+# papers judge each frame as it comes, so none of them has a deferred start.
+PRESETS: Mapping[str, Mapping[str, Value]] = MappingProxyType(
+    {name: {"start_s": 0.0, **values} for name, values in _OF_THE_PAPERS.items()})

@@ -19,16 +19,19 @@ from stab_ros.core.debug import draw_debug
 from stab_ros.core.errors import InputError
 from stab_ros.core.parameters import PARAMETERS, check_change, table_with_preset
 from stab_ros.core.stabilizer import Stabilizer
+from stab_ros.core.static_map import StaticMap
 from stab_ros.core.types import Frame, State, Track
 from stab_ros.io.engine import make_stabilizer, reconfigure
 from stab_ros.io.messages import (
     COMPRESSED_IMAGE,
     IMAGE,
     SECOND_NS,
+    Header,
     header_of,
     homography_cdr,
     image_cdr,
     read_image,
+    static_map_cdr,
     track_cdr,
 )
 from stab_ros.nodes import params
@@ -61,6 +64,15 @@ SETTINGS = params.table_of(TrackerSettings)
 CHANGEABLE = frozenset(PARAMETERS) - {"use_camera_info"}
 
 
+@dataclass(frozen=True)
+class _Waiting:
+    """A frame until it is answered: its header, its size (width, height) and when it was published."""
+
+    header: Header
+    size: tuple[int, int]
+    source_ns: int
+
+
 class TrackerNode(StabNode):
     """Answers every image with its homography to the reference, and with the image in the reference's place."""
 
@@ -79,7 +91,9 @@ class TrackerNode(StabNode):
         self._input: AdaptiveSubscription | None = None
         self._gaps = GapCounter()
         self._held: deque[tuple[bytes, int]] = deque(maxlen=_HELD_IMAGES)
+        self._waiting: dict[int, _Waiting] = {}  # frames that are not answered yet, by index
         self._published_reference: Frame | None = None
+        self._published_map: StaticMap | None = None
         self._make_outlets(lossless=self.settings.queue_depth == 0)
         self.create_service(Trigger, "~/reset_reference", self._reset_reference)
         params.LiveChanges(self, PARAMETERS, self._change)
@@ -89,6 +103,7 @@ class TrackerNode(StabNode):
         self.stabilized = Outlet(self, Image, "image_stabilized", QoSProfile(depth=1), lossless)
         self.track = Outlet(self, DiagnosticArray, "~/track", QoSProfile(depth=100), lossless)
         self.reference_image = Outlet(self, Image, "~/reference_image", LATCHED)
+        self.static_map = Outlet(self, Image, "~/static_map", LATCHED)
         self.debug_image = Outlet(self, Image, "~/debug_image", QoSProfile(depth=1))
 
     def prepare(self) -> None:
@@ -101,6 +116,8 @@ class TrackerNode(StabNode):
         """Starts to take images once enough subscribers listen, and follows the publishers' QoS."""
         if self.camera is not None:
             self.camera.refresh()
+        if self.stabilizer.deferring and self.status.is_stale(time.monotonic_ns()):
+            self._publish_tracks(self.stabilizer.finish())  # nothing more is coming to tell water and ground by
         if self._input is not None:
             self._input.refresh()
         elif self.homography.subscribers >= self.settings.wait_for_subscribers:
@@ -133,30 +150,43 @@ class TrackerNode(StabNode):
             self._held.append((cdr, source_ns))
 
     def _answer(self, cdr: bytes, source_ns: int) -> None:
+        index = self.stabilizer.frames
         try:
             frame = read_image(cdr, self._image_type)
-            track = self.stabilizer.track(frame)
+            tracks = self.stabilizer.answers(frame)
         except InputError as error:
             self.status.on_refused(str(error))
             self.get_logger().warning(f"refused an image: {error}", throttle_duration_sec=_WARN_EVERY_S)
             return
-        self._publish_track(frame, track)
-        self.status.on_frame(track, time.time_ns() - source_ns, time.monotonic_ns())
-        self._publish_images(frame, track)
+        self.status.on_image(time.monotonic_ns())
+        self._waiting[index] = _Waiting(header_of(frame), frame.size, source_ns)
+        self._publish_tracks(tracks)
+        self._publish_references()
+        if tracks and tracks[-1].index == index:
+            self._publish_images(frame, tracks[-1])
 
-    def _publish_track(self, frame: Frame, track: Track) -> None:
-        """What others wait for comes before the slow warp."""
-        header = header_of(frame)
+    def _publish_tracks(self, tracks: list[Track]) -> None:
+        """What others wait for comes before the slow warp; what was deferred comes under its own stamp."""
         camera = self.camera.camera if self.camera else None
-        reference = self.stabilizer.reference or frame
-        self.homography.send(homography_cdr(track, header, reference.size, camera))
-        self.track.send(track_cdr(track, header))
+        for track in tracks:
+            waiting = self._waiting.pop(track.index)
+            reference = self.stabilizer.reference
+            size = waiting.size if reference is None else reference.size
+            self.homography.send(homography_cdr(track, waiting.header, size, camera))
+            self.track.send(track_cdr(track, waiting.header))
+            self.status.on_track(track, time.time_ns() - waiting.source_ns)
+
+    def _publish_references(self) -> None:
+        """The reference and the static map, where they are new."""
+        reference, static_map = self.stabilizer.reference, self.stabilizer.static_map
+        if reference is not None and reference is not self._published_reference:
+            self._publish_reference(reference)
+        if reference is not None and static_map is not None and static_map is not self._published_map:
+            self._published_map = static_map
+            self.static_map.send(static_map_cdr(static_map, header_of(reference)))
 
     def _publish_images(self, frame: Frame, track: Track) -> None:
         header = header_of(frame)
-        reference = self.stabilizer.reference
-        if reference is not None and reference is not self._published_reference:
-            self._publish_reference(reference)
         if self.stabilized.subscribers:
             image = self.stabilizer.warp(frame, track)
             if image is not None:
@@ -181,6 +211,7 @@ class TrackerNode(StabNode):
             self._answer(*self._held.popleft())
 
     def _reset_reference(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._publish_tracks(self.stabilizer.finish())
         self.stabilizer.reset_reference()
         response.success, response.message = True, "the next frame becomes the reference"
         return response
@@ -193,5 +224,7 @@ class TrackerNode(StabNode):
         self.status.method = str(values["method"])
 
     def _report(self) -> None:
+        rival = self.stabilizer.rival
+        self.status.doubt = "" if rival is None else str(rival)
         report = self.status.report(time.monotonic_ns())
         self.report(report.level, report.message, report.values)

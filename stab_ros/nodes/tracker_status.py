@@ -24,6 +24,7 @@ class TrackerStatus:
     def __init__(self, method: str, stale_ns: int) -> None:
         self.method = method
         self.waiting_for = "image"
+        self.doubt = ""  # what is uncertain about all answers, as one line
         self._stale_ns = stale_ns
         self._received = self._tracked = self._lost = self._dropped = self._refused = 0
         self._refusal = ""
@@ -31,12 +32,16 @@ class TrackerStatus:
         self._track: Track | None = None
         self._last_ns: int | None = None
 
-    def on_frame(self, track: Track, latency_ns: int, now_ns: int) -> None:
-        """latency_ns: from the image's publication to that of its homography."""
+    def on_image(self, now_ns: int) -> None:
+        """An image that is answered, now or later."""
         self._received += 1
+        self._last_ns = now_ns
+
+    def on_track(self, track: Track, latency_ns: int) -> None:
+        """An answer. latency_ns: from the image's publication to that of its homography."""
         self._tracked += track.tracked
         self._lost += not track.tracked
-        self._track, self._latency_ns, self._last_ns = track, latency_ns, now_ns
+        self._track, self._latency_ns = track, latency_ns
 
     def on_refused(self, reason: str) -> None:
         """An image that could not be used."""
@@ -53,15 +58,21 @@ class TrackerStatus:
         state = self._state(now_ns)
         level = {"TRACKED": OK, "STALE": ERROR}.get(state, WARN)
         message = self._message(state, now_ns)
+        if self.doubt:
+            level, message = max(level, WARN), f"{message}; {self.doubt}"
         refusal, self._refusal = self._refusal, ""
         if refusal:
             level, message = max(level, WARN), f"{message}; refused an image: {refusal}"
         return Report(level, message, self._values(state))
 
+    def is_stale(self, now_ns: int) -> bool:
+        """Whether images came, but none for too long."""
+        return self._last_ns is not None and now_ns - self._last_ns > self._stale_ns
+
     def _state(self, now_ns: int) -> str:
-        if self._track is None or self._last_ns is None:
+        if self._track is None:
             return "WAITING"
-        return "STALE" if now_ns - self._last_ns > self._stale_ns else self._track.state.value
+        return "STALE" if self.is_stale(now_ns) else self._track.state.value
 
     def _message(self, state: str, now_ns: int) -> str:
         if state == "WAITING":

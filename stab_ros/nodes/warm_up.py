@@ -14,15 +14,18 @@ from stab_ros.io.engine import make_evaluator, make_stabilizer
 from stab_ros.io.messages import IMAGE, Header, image_cdr, read_image
 
 _SIZE = (320, 240)
+_START = 4  # frames
 _OF_THE_STREAM = ("roi", "exclude", "points_file", "manual_points")  # what refers to pixels of the real reference
 
 
 def warm_up(values: Mapping[str, Value]) -> None:
-    """Steps an engine with these settings over two pictures each of gray and colour."""
+    """Leads an engine with these settings through a start and beyond it, once in gray and once in colour."""
     for encoding in ("mono8", "bgr8"):  # received gray is read-only memory, a kernel of its own
         stabilizer = make_stabilizer(_of_any_stream(values))
-        for stamp_ns in (1, 2):
-            stabilizer.step(_received(_texture(shift_px=stamp_ns), encoding, stamp_ns))
+        for stamp_ns in range(_START):
+            stabilizer.answers(_received(_texture(shift_px=stamp_ns), encoding, stamp_ns))
+        stabilizer.finish()
+        stabilizer.step(_received(_texture(shift_px=_START), encoding, _START))
 
 
 def warm_up_evaluator(values: Mapping[str, Value]) -> None:

@@ -1,0 +1,59 @@
+"""Reads a static map as it was saved: from a bag that `stabilize` or a recorder has written, or from a PNG."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from stab_ros.core.config import Value
+from stab_ros.core.errors import InputError, MessageError
+from stab_ros.core.static_map import StaticMap
+from stab_ros.core.types import Gray
+from stab_ros.io.bag import open_bag
+from stab_ros.io.messages import IMAGE, read_image
+from stab_ros.io.pixels import decode_compressed
+
+_NAME = "/static_map"
+
+
+def read_static_map(values: Mapping[str, Value]) -> StaticMap | None:
+    """The map that the parameter `static_map` names; None: it names none.
+
+    Raises:
+        InputError: a file that is missing, no picture, or a bag without a map.
+    """
+    text = str(values.get("static_map", "")).strip()
+    if not text:
+        return None
+    path = Path(text)
+    return StaticMap.of_picture(_of_bag(path) if path.is_dir() or path.suffix == ".mcap" else _of_picture(path))
+
+
+def _of_picture(path: Path) -> Gray:
+    try:
+        picture = decode_compressed(np.fromfile(path, np.uint8))
+    except (OSError, ValueError) as error:
+        raise InputError(f"static_map: {path} cannot be read, it must be a PNG or a bag with a map") from error
+    except MessageError as error:
+        raise InputError(f"static_map: {path} is no picture, it must be a PNG or a bag with a map ({error})") from error
+    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
+
+
+def _of_bag(path: Path) -> Gray:
+    """The last map in the bag: what was known in the end."""
+    with open_bag(path) as bag:
+        topics = [topic.name for topic in bag.topics.values() if topic.name.endswith(_NAME) and topic.msgtype == IMAGE]
+        if len(topics) != 1:
+            raise InputError(f"static_map: {path} holds {len(topics)} topics .../static_map, it must hold one")
+        last = None
+        for message in bag.messages(topics):
+            last = message
+    if last is None:
+        raise InputError(f"static_map: {path} holds no map on {topics[0]}, it must hold one")
+    frame = read_image(last.data, IMAGE)
+    if frame.encoding != "mono8":
+        raise InputError(f"static_map: {path} holds a {frame.encoding} picture on {topics[0]}, it must be mono8")
+    return frame.image
