@@ -20,6 +20,8 @@ from stab_ros.core.survey import Trajectories
 from stab_ros.core.types import BoolArray, FloatArray, Homography, IdArray
 
 _THRESHOLD_PX = 0.6
+_OCTAVES = 3  # samples are ranked by the threshold, its half and its quarter: two planes must not pass for one
+_SCATTERS = 4.0  # the features of a plane lie within so many times their median distance from it
 _SIGMAS = 3.0  # of a feature's own noise that are no disagreement
 _QUARTERS = 4
 _SAMPLES = 1000
@@ -80,39 +82,43 @@ def _largest(seen_from: Trajectories, shapes: FloatArray, quarters: IdArray, lef
     which = np.flatnonzero(left)
     start = seen_from.reference_px[which]
     moved = np.stack([apply(shapes[f], seen_from.current_px[f, which]) for f in quarters])
-    limit = np.stack([limits(seen_from.information[f, which]) for f in quarters])
+    noise = np.stack([noises(seen_from.information[f, which]) for f in quarters])
     samples = np.random.default_rng(_SEED).integers(0, len(which), (_SAMPLES, 2))
-    best = _best_sample(samples, start, moved, limit)
+    best = _best_sample(samples, start, moved, noise, _THRESHOLD_PX, _OCTAVES)
     member = np.zeros(len(left), bool)
-    member[which] = _along(samples[best, 0], samples[best, 1], start, moved, limit)
+    member[which] = _excess(samples[best, 0], samples[best, 1], start, moved, noise) < _THRESHOLD_PX**2
     return member
 
 
-def limits(information: FloatArray) -> FloatArray:
-    """(N,) px^2: how far off squared a feature may be, of information (N, 2, 2)."""
-    return np.asarray(_THRESHOLD_PX**2 + _SIGMAS**2 / np.maximum(strongest(information), 1e-9))
+def noises(information: FloatArray) -> FloatArray:
+    """(N,) px^2: what a feature's own noise adds to the square of any threshold, of information (N, 2, 2)."""
+    return np.asarray(_SIGMAS**2 / np.maximum(strongest(information), 1e-9))
 
 
 @kernel()
-def _best_sample(samples: IdArray, start: FloatArray, moved: FloatArray, limit: FloatArray) -> int:
-    """Which of the samples (M, 2) has the most features along."""
+def _best_sample(samples: IdArray, start: FloatArray, moved: FloatArray, noise: FloatArray, threshold_px: float,
+                 octaves: int) -> int:
+    """Which of the samples (M, 2) has the most features along, counted once for each threshold."""
     best, most = 0, -1
     for m in range(len(samples)):
-        count = np.sum(_along(samples[m, 0], samples[m, 1], start, moved, limit))
+        excess = _excess(samples[m, 0], samples[m, 1], start, moved, noise)
+        count = 0
+        for octave in range(octaves):
+            count += np.sum(excess < (threshold_px * 0.5**octave) ** 2)
         if count > most:
             best, most = m, count
     return best
 
 
 @kernel()
-def _along(i: int, j: int, start: FloatArray, moved: FloatArray, limit: FloatArray) -> BoolArray:
-    """(N,) bool: which features move in all frames as the similarity through features i and j."""
+def _excess(i: int, j: int, start: FloatArray, moved: FloatArray, noise: FloatArray) -> FloatArray:
+    """(N,) px^2: the most that any frame shows beyond noise of each feature off the similarity through i and j."""
     n = len(start)
-    along = np.ones(n, np.bool_)
+    excess = np.zeros(n)
     dx, dy = start[j, 0] - start[i, 0], start[j, 1] - start[i, 1]
     length = dx * dx + dy * dy
     if length < 1.0:
-        return np.zeros(n, np.bool_)
+        return np.full(n, np.inf)
     for f in range(len(moved)):
         ex, ey = moved[f, j, 0] - moved[f, i, 0], moved[f, j, 1] - moved[f, i, 1]
         a, b = (dx * ex + dy * ey) / length, (dx * ey - dy * ex) / length
@@ -120,21 +126,30 @@ def _along(i: int, j: int, start: FloatArray, moved: FloatArray, limit: FloatArr
             x, y = start[k, 0] - start[i, 0], start[k, 1] - start[i, 1]
             off_x = moved[f, k, 0] - moved[f, i, 0] - (a * x - b * y)
             off_y = moved[f, k, 1] - moved[f, i, 1] - (b * x + a * y)
-            along[k] &= off_x * off_x + off_y * off_y < limit[f, k]
-    return along
+            excess[k] = max(excess[k], off_x * off_x + off_y * off_y - noise[f, k])
+    return excess
 
 
 def _widened(seen_from: Trajectories, shapes: FloatArray, member: BoolArray, quarters: IdArray,
              left: BoolArray) -> Plane | None:
     """The plane that the members lie on, with all that is `left` and agrees, and its homography in every frame."""
+    reach_px = _THRESHOLD_PX
     for _ in range(_WIDENING):
         fitted = np.stack([_fitted(seen_from, f, shapes[f], member) for f in quarters])
         if np.isnan(fitted).any():
             return None
-        agrees = np.stack([_agreeing(seen_from, f, H) for f, H in zip(quarters, fitted, strict=True)])
+        reach_px = max(_reach_px(seen_from, f, H, member) for f, H in zip(quarters, fitted, strict=True))
+        agrees = np.stack([_agreeing(seen_from, f, H, reach_px) for f, H in zip(quarters, fitted, strict=True)])
         member = left & agrees.all(axis=0)
     ref_H_cur = np.stack([_fitted(seen_from, f, shapes[f], member) for f in range(len(shapes))])
-    return Plane(left & _persistent(seen_from, ref_H_cur), ref_H_cur)
+    return Plane(left & _persistent(seen_from, ref_H_cur, reach_px), ref_H_cur)
+
+
+def _reach_px(seen_from: Trajectories, frame: int, ref_H_cur: Homography, member: BoolArray) -> float:
+    """How far off a feature without noise may be: by the scatter of the members, at most the threshold."""
+    off = apply(ref_H_cur, seen_from.current_px[frame, member]) - seen_from.reference_px[member]
+    scatter_px = float(np.median(np.hypot(*off.T))) if len(off) else 0.0
+    return min(max(_SCATTERS * scatter_px, _THRESHOLD_PX * 0.5 ** (_OCTAVES - 1)), _THRESHOLD_PX)
 
 
 def _fitted(seen_from: Trajectories, frame: int, guess: Homography, member: BoolArray) -> Homography:
@@ -144,16 +159,16 @@ def _fitted(seen_from: Trajectories, frame: int, guess: Homography, member: Bool
     return np.full((3, 3), np.nan) if found is None else found
 
 
-def _agreeing(seen_from: Trajectories, frame: int, ref_H_cur: Homography) -> BoolArray:
+def _agreeing(seen_from: Trajectories, frame: int, ref_H_cur: Homography, reach_px: float) -> BoolArray:
     """(N,) bool: which features are seen in the frame where the homography says."""
     off = apply(ref_H_cur, seen_from.current_px[frame]) - seen_from.reference_px
-    close = np.sum(off**2, axis=1) < limits(seen_from.information[frame])
+    close = np.sum(off**2, axis=1) < reach_px**2 + noises(seen_from.information[frame])
     return np.asarray(seen_from.seen[frame] & close)
 
 
-def _persistent(seen_from: Trajectories, ref_H_cur: FloatArray) -> BoolArray:
+def _persistent(seen_from: Trajectories, ref_H_cur: FloatArray, reach_px: float) -> BoolArray:
     """(N,) bool: which features are seen in most of the frames and agree with the plane in nearly all of these."""
     known = np.flatnonzero(~np.isnan(ref_H_cur[:, 0, 0]))
     seen = seen_from.seen[known].sum(axis=0)
-    agreed = np.stack([_agreeing(seen_from, f, ref_H_cur[f]) for f in known.tolist()]).sum(axis=0)
+    agreed = np.stack([_agreeing(seen_from, f, ref_H_cur[f], reach_px) for f in known.tolist()]).sum(axis=0)
     return np.asarray((seen >= _PRESENT * len(known)) & (agreed >= _AGREES * seen))

@@ -10,10 +10,19 @@ from pathlib import Path
 from stab_ros.core.errors import InputError
 from stab_ros.io.bag import Topic, open_bag
 from stab_ros.io.messages import CAMERA_INFO, IMAGE
-from stab_ros.io.source import IMAGE_TYPES, BagSource, Kind, Source, kind_of, namespace_of, open_source
+from stab_ros.io.source import (
+    IMAGE_TYPES,
+    REFERENCE_IMAGE,
+    SINGLE_IMAGES,
+    BagSource,
+    Kind,
+    Source,
+    kind_of,
+    namespace_of,
+    open_source,
+)
 
 _STABILIZED, _RAW = "image_stabilized", ("image_raw", "image_raw/compressed")
-_REFERENCE, _DEBUG = "/reference_image", "/debug_image"  # pictures of the tracker, but no streams to judge
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +63,7 @@ def _stream(source: BagSource) -> Stream:
     homography = source.topics.get(f"{namespace}/homography")
     known = homography is not None and homography.msgtype == CAMERA_INFO and homography.count
     references = [topic.name for topic in source.topics.values() if topic.msgtype == IMAGE
-                  and topic.name.startswith(f"{namespace}/") and topic.name.endswith(_REFERENCE)]
+                  and topic.name.startswith(f"{namespace}/") and topic.name.endswith(REFERENCE_IMAGE)]
     return Stream(source, homography.name if homography and known else None, *references[:1])
 
 
@@ -70,7 +79,7 @@ def choose_topics(name: str, topics: Mapping[str, Topic], wanted: Sequence[str])
         raise InputError(f"{name}: has no image topic {unknown[0]}; its image topics are {', '.join(images) or 'none'}")
     if wanted:
         return list(dict.fromkeys(wanted))
-    filled = [topic for topic in images if topics[topic].count and not topic.endswith((_REFERENCE, _DEBUG))]
+    filled = [topic for topic in images if topics[topic].count and not topic.endswith(SINGLE_IMAGES)]
     if len(filled) <= 1:
         return filled or images[:1] or _no_images(name)
     pair = _raw_and_stabilized(filled)

@@ -29,6 +29,8 @@ from stab_ros.io.video import (
 )
 
 IMAGE_TYPES = (IMAGE, COMPRESSED_IMAGE)
+REFERENCE_IMAGE, STATIC_MAP = "/reference_image", "/static_map"
+SINGLE_IMAGES = (REFERENCE_IMAGE, STATIC_MAP, "/debug_image")  # how topics end that hold pictures, but no stream
 PICTURE_TOPIC = "/camera/image_raw"
 _BAG_SUFFIXES = (".mcap", ".mcap.partial", ".bag", ".db3")
 _RATE_FRAMES = 30
@@ -247,7 +249,7 @@ def _choose_topic(name: str, topics: Mapping[str, Topic], wanted: str | None) ->
         raise InputError(f"{name}: holds no images; it must have a topic of type {' or '.join(IMAGE_TYPES)}")
     if wanted is not None and wanted not in images:
         raise InputError(f"{name}: has no image topic {wanted}; its image topics are {', '.join(images)}")
-    filled = [topic for topic in images if topics[topic].count > 0]
+    filled = [topic for topic in images if topics[topic].count > 0 and not topic.endswith(SINGLE_IMAGES)]
     if wanted is None and len(filled) > 1:
         raise InputError(f"{name}: has several image topics, name one with --image-topic: {', '.join(filled)}")
     return wanted or (filled or images)[0]

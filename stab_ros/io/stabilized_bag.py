@@ -19,7 +19,7 @@ from stab_ros.io.messages import (
     static_map_cdr,
     track_cdr,
 )
-from stab_ros.io.source import Picture, Source, namespace_of
+from stab_ros.io.source import STATIC_MAP, Picture, Source, namespace_of
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,14 @@ def names_for(image_topic: Topic, with_image: bool) -> Names:
     """The topics made from `image_topic`."""
     namespace = namespace_of(image_topic)
     image = f"{namespace}/image_stabilized" if with_image else None
-    return Names(f"{namespace}/homography", f"{namespace}/track", f"{namespace}/static_map", image)
+    return Names(f"{namespace}/homography", f"{namespace}/track", f"{namespace}{STATIC_MAP}", image)
 
 
 class StabilizedBag:
     """Writes homography, track and stabilised image of every frame, and the input's other messages byte for byte.
 
-    The static map is written whenever it changes. A topic of the input that bears the name of one we make is left out (`replaced`).
+    The static map is written whenever it changes. A topic of the input that bears the name of one we make is left out
+    (`replaced`).
 
     Raises:
         WorkError: the bag cannot be written (any method).

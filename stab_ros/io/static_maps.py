@@ -15,8 +15,7 @@ from stab_ros.core.types import Gray
 from stab_ros.io.bag import open_bag
 from stab_ros.io.messages import IMAGE, read_image
 from stab_ros.io.pixels import decode_compressed
-
-_NAME = "/static_map"
+from stab_ros.io.source import STATIC_MAP
 
 
 def read_static_map(values: Mapping[str, Value]) -> StaticMap | None:
@@ -45,7 +44,7 @@ def _of_picture(path: Path) -> Gray:
 def _of_bag(path: Path) -> Gray:
     """The last map in the bag: what was known in the end."""
     with open_bag(path) as bag:
-        topics = [topic.name for topic in bag.topics.values() if topic.name.endswith(_NAME) and topic.msgtype == IMAGE]
+        topics = [name for name, topic in bag.topics.items() if name.endswith(STATIC_MAP) and topic.msgtype == IMAGE]
         if len(topics) != 1:
             raise InputError(f"static_map: {path} holds {len(topics)} topics .../static_map, it must hold one")
         last = None

@@ -28,6 +28,7 @@ _COARSEST_PX = 60  # no pyramid level has a side shorter than this
 _COARSE_PATCHES = 150  # of each coarser level
 _ALIGNING_PATCHES = 400  # at full resolution; all patches measure only once, when the alignment stands
 _TRUSTED = 0.3
+_MOST = 0.6  # of the patches
 _LINEAR_PX = 2.0  # beyond, a displacement is no measurement any more
 
 
@@ -63,11 +64,12 @@ class Level:
     covers: IdArray
 
     def trust(self, fine: FloatArray) -> FloatArray:
-        """(N,) mean trust of what each patch covers; 1 where that is nothing."""
+        """(N,) mean trust of what each patch covers, 0 where most is not trusted; 1 where it covers nothing."""
         own, covered = self.covers.T
         count = np.bincount(own, minlength=len(self.patches))
         total = np.bincount(own, fine[covered], minlength=len(self.patches))
-        return np.where(count > 0, total / np.maximum(count, 1), 1.0)
+        mean = np.where(count > 0, total / np.maximum(count, 1), 1.0)
+        return np.where(mean > _TRUSTED, mean, 0.0)
 
 
 @dataclass(frozen=True)
@@ -118,12 +120,24 @@ class Direct:
         return Level(patches, scale, np.argwhere(apart <= radius))
 
     def match(self, current: Gray, guess: Homography, trust: FloatArray) -> Correspondences:
-        H = guess
-        pyramid = build_pyramid(current)
-        for gray, level in zip(reversed(pyramid[1:]), self._coarse, strict=True):
-            H = self._align_level(gray, level, H, trust)
-        H = self._align_fine(current, H, trust)
+        chosen = self._aligning(trust)
+        H = guess if self._is_close(chosen, current, guess) else self._align_coarse(current, guess, trust)
+        H = self._align_fine(chosen, current, H, trust)
         return self._look(self._fine, np.arange(len(self._fine)), current, H)
+
+    def _is_close(self, chosen: IdArray, gray: Gray, guess: Homography) -> bool:
+        """Whether most patches are found where the guess says.
+
+        Then coarser pictures could only lead astray, with water beside the ground in every patch.
+        """
+        return len(self._look(self._fine, chosen, gray, guess)) > _MOST * len(chosen)
+
+    def _align_coarse(self, gray: Gray, guess: Homography, trust: FloatArray) -> Homography:
+        """`guess` corrected over the pyramid, from its top to the level below full resolution."""
+        H = guess
+        for small, level in zip(reversed(build_pyramid(gray)[1:]), self._coarse, strict=True):
+            H = self._align_level(small, level, H, trust)
+        return H
 
     def _align_level(self, gray: Gray, level: Level, guess: Homography, trust: FloatArray) -> Homography:
         """`guess` corrected by one pyramid level; unchanged where the level has too little to say."""
@@ -132,10 +146,14 @@ class Direct:
         better = self._align(level.patches, every, gray, H, level.trust(trust), _COARSE)
         return guess if better is None else normalized(np.linalg.inv(level.scale) @ better @ level.scale)
 
-    def _align_fine(self, gray: Gray, guess: Homography, trust: FloatArray) -> Homography:
-        """`guess` corrected at full resolution by an even share of the patches that are trusted."""
+    @staticmethod
+    def _aligning(trust: FloatArray) -> IdArray:
+        """An even share of the patches that are trusted."""
         trusted = np.flatnonzero(trust > _TRUSTED)
-        chosen = trusted[:: max(1, len(trusted) // _ALIGNING_PATCHES)]
+        return trusted[:: max(1, len(trusted) // _ALIGNING_PATCHES)]
+
+    def _align_fine(self, chosen: IdArray, gray: Gray, guess: Homography, trust: FloatArray) -> Homography:
+        """`guess` corrected at full resolution by the chosen patches."""
         better = self._align(self._fine, chosen, gray, guess, trust, _finely(len(chosen)))
         return guess if better is None else better
 
