@@ -9,12 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stab_ros.core.doubt import Doubt
 from stab_ros.core.geometry import apply, inside
-from stab_ros.core.ground_choice import Rival, Scene, choose_ground
-from stab_ros.core.planes import find_planes
+from stab_ros.core.ground_choice import Choice, Scene, choose_ground
+from stab_ros.core.planes import Plane, find_planes
 from stab_ros.core.reference import Reference
 from stab_ros.core.static_map import StaticMap
-from stab_ros.core.survey import Survey
+from stab_ros.core.survey import Survey, Trajectories
 from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography
 
 _LEAST_FEATURES = 48  # with fewer there is nothing to choose between
@@ -37,12 +38,15 @@ class Opening:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What the start has shown. ground_px: (n, 2) features of the ground in the reference. size: of that, px."""
+    """What the start has shown. ground_px: (n, 2) features of the ground in the reference. size: of that, px.
+
+    doubt: if something else may be the ground as well.
+    """
 
     openings: list[Opening]
     ground_px: FloatArray
     static_map: StaticMap
-    rival: Rival | None
+    doubt: Doubt | None
     size: tuple[int, int]
 
     def expected(self, ref_H_cur: Homography) -> float:
@@ -86,14 +90,26 @@ class Deferral:
         trajectories, shapes = self._survey.trajectories(), self._survey.shapes
         elapsed_s = (np.array(self._stamps_ns) - self._start_ns) / 1e9
         planes = find_planes(trajectories, shapes)
-        member, places, rival = np.ones(len(self._survey.reference_px), bool), shapes, None
-        if planes:
-            choice = choose_ground(planes, Scene(self._survey.reference_px, self._size, elapsed_s))
-            member, rival = choice.ground.member, choice.rival
-            places = np.where(np.isnan(choice.ground.ref_H_cur), shapes, choice.ground.ref_H_cur)
-        openings = []
+        if not planes:
+            everything = Plane(np.ones(len(self._survey.reference_px), bool), shapes)
+            return self._judged(Choice(everything), trajectories, shapes)
+        scene = Scene(self._survey.reference_px, self._size, elapsed_s)
+        return self._judged(choose_ground(planes, scene), trajectories, shapes)
+
+    def _judged(self, choice: Choice, trajectories: Trajectories, shapes: FloatArray) -> Outcome:
+        """The frames so far in the light of a choice."""
+        ground, openings = choice.ground, []
+        places = np.where(np.isnan(ground.ref_H_cur), shapes, ground.ref_H_cur)
         for k, (index, stamp_ns) in enumerate(zip(self._indices, self._stamps_ns, strict=True)):
             pairs = trajectories.pairs(k)
-            openings.append(Opening(index, stamp_ns, pairs, member[pairs.feature_id].astype(float), places[k]))
-        ground = StaticMap.of_features(self._survey.reference_px, member.astype(float), self._size)
-        return Outcome(openings, self._survey.reference_px[member], ground, rival, self._size)
+            openings.append(Opening(index, stamp_ns, pairs, ground.member[pairs.feature_id].astype(float), places[k]))
+        ground_px = self._survey.reference_px[ground.member]
+        return Outcome(openings, ground_px, self._map(ground), self._doubt(choice), self._size)
+
+    def _map(self, plane: Plane) -> StaticMap:
+        return StaticMap.of_features(self._survey.reference_px, plane.member.astype(float), self._size)
+
+    def _doubt(self, choice: Choice) -> Doubt | None:
+        if choice.rival is None or choice.rival_plane is None:
+            return None
+        return Doubt(choice.rival, self._map(choice.rival_plane), self._start_ns, self._size)

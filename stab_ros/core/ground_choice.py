@@ -27,9 +27,9 @@ from stab_ros.core.planes import Plane
 from stab_ros.core.types import FloatArray, Homography, IdArray
 
 _PERSISTENCE, _SPREAD, _SIZE = 2.0, 3.5, 0.25  # odds, in units of their logarithms
-_MOST_BY_DRIFT = 2.0
+_MOST_BY_DRIFT = 1.0  # after a second; evidence grows with time
 _HOVERING = 0.0015  # of the picture's width: a hovering camera drifts that much while a start lasts
-_AMBIGUOUS = 1.0  # odds of e to 1
+_AMBIGUOUS = 1.65  # odds of 5 to 1, more than drift and size alone can give
 _APART_PX = 1.0  # planes that part by less are no different choice
 _LEAST_SHARE = 0.1  # of both planes' features: a rival has at least that many
 
@@ -43,7 +43,8 @@ class Rival:
 
     share: of the features of both planes that are the rival's. rate_px: (x, y) px/s, where the rival goes in the
     reference while the chosen plane stands still. ground_drift_px, drift_px: (x, y) px/s, where the chosen plane and
-    the rival go in the picture. odds: logarithm of how much more likely the choice is than the rival.
+    the rival go in the picture. odds: logarithm of how much more likely the choice is than the rival;
+    odds_without_drift: by all cues but the drift.
     """
 
     share: float
@@ -51,12 +52,7 @@ class Rival:
     ground_drift_px: Rate
     drift_px: Rate
     odds: float
-
-    def spread(self, ref_H_cur: Homography, elapsed_s: float) -> FloatArray:
-        """Covariance (8, 8) of h00 .. h21 if the rival is the ground: where the frame would then be, squared."""
-        away = np.array(self.rate_px) * elapsed_s
-        change = np.concatenate([away[0] * ref_H_cur[2], away[1] * ref_H_cur[2], np.zeros(2)])
-        return np.asarray(np.outer(change, change))
+    odds_without_drift: float
 
     def __str__(self) -> str:
         chosen, other = (f"goes {_heading(drift)}" for drift in (self.ground_drift_px, self.drift_px))
@@ -73,10 +69,11 @@ def _heading(rate_px: Rate) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The plane taken for the ground, and its strongest rival (None: there is no doubt)."""
+    """The plane taken for the ground, and its strongest rival with its plane (None: there is no doubt)."""
 
     ground: Plane
-    rival: Rival | None
+    rival: Rival | None = None
+    rival_plane: Plane | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,35 +90,59 @@ def choose_ground(planes: list[Plane], scene: Scene) -> Choice:
     cues = [_cues(plane, planes, scene) for plane in planes]
     odds = np.array([[a.odds_against(b) for b in cues] for a in cues])
     best = int(np.argmax(np.min(odds, axis=1)))
-    rivals = [rival for k in range(len(planes)) if k != best
-              if (rival := _rival(planes[best], planes[k], odds[best, k], scene)) is not None]
-    return Choice(planes[best], min(rivals, key=lambda rival: rival.odds, default=None))
+    choices = [Choice(planes[best])]
+    for k in np.argsort(odds[best]).tolist():
+        if k != best and _is_rival(planes[best], planes[k], odds[best, k]):
+            choices.append(_with_rival(planes[best], planes[k], cues[best], cues[k], scene))
+    return next((choice for choice in choices if choice.rival is not None), choices[0])
 
 
 @dataclass(frozen=True, eq=False)
 class _Cues:
-    """persistence: share of its territory. hull: (n, 2). places: (n, 2) of its features. drift: of the width."""
+    """persistence: share of its territory. hull: (n, 2). places: (n, 2) of its features. drift_px: until the end.
+
+    width_px: of the picture. elapsed_s: how long the start was.
+    """
 
     persistence: float
     hull: FloatArray
     places: FloatArray
-    drift: float
+    drift_px: float
+    width_px: int
+    elapsed_s: float
 
     def odds_against(self, other: _Cues) -> float:
         """Logarithm of the odds that this plane is the ground and not the other one."""
+        return self.odds_without_drift(other) + drift_odds(self.drift_px, other.drift_px, self.width_px, self.elapsed_s)
+
+    def odds_without_drift(self, other: _Cues) -> float:
+        """The same by all cues but the drift."""
         spread = _enclosed(other.places, self.hull) - _enclosed(self.places, other.hull)
-        drift = math.log((_HOVERING**2 + other.drift**2) / (_HOVERING**2 + self.drift**2))
         return (_PERSISTENCE * math.log(self.persistence / other.persistence) + _SPREAD * spread
-                + max(-_MOST_BY_DRIFT, min(drift, _MOST_BY_DRIFT))
                 + _SIZE * math.log(len(self.places) / len(other.places)))
+
+
+def drift_odds(own_px: float, other_px: float, width_px: int, elapsed_s: float) -> float:
+    """Logarithm of the odds that a plane is the ground, which was carried by `own_px`, and not another.
+
+    A Cauchy distribution of the camera's drift: it hovers, but now and then it does not.
+    """
+    time = math.sqrt(max(elapsed_s, 1.0))
+    usual_px, most = _HOVERING * width_px * time, _MOST_BY_DRIFT * time
+    odds = math.log((usual_px**2 + other_px**2) / (usual_px**2 + own_px**2))
+    return max(-most, min(odds, most))
+
+
+def drift_px(ref_H_cur: Homography, size: tuple[int, int]) -> float:
+    """How far a frame of `size` (width, height) has been carried, on average over its grid, px."""
+    return math.hypot(*np.mean(apply(ref_H_cur, grid(size)) - grid(size), axis=0))
 
 
 def _cues(plane: Plane, planes: list[Plane], scene: Scene) -> _Cues:
     places = scene.reference_px[plane.member]
     hull = cv2.convexHull(places.astype(np.float32)).reshape(-1, 2)
-    last_px = apply(plane.last, grid(scene.size))
-    drift_px = math.hypot(*np.mean(last_px - grid(scene.size), axis=0))
-    return _Cues(_persistence(plane, planes, scene), np.asarray(hull), places, drift_px / scene.size[0])
+    return _Cues(_persistence(plane, planes, scene), np.asarray(hull), places, drift_px(plane.last, scene.size),
+                 scene.size[0], float(scene.elapsed_s[-1]))
 
 
 def _persistence(plane: Plane, planes: list[Plane], scene: Scene) -> float:
@@ -147,20 +168,24 @@ def _enclosed(places: FloatArray, hull: FloatArray) -> float:
     return float(np.mean([cv2.pointPolygonTest(outline, (x, y), False) >= 0 for x, y in places.tolist()]))
 
 
-def _rival(chosen: Plane, other: Plane, odds: float, scene: Scene) -> Rival | None:
-    """The other plane as a rival, if it is one."""
-    if odds >= _AMBIGUOUS or len(other) < _LEAST_SHARE * (len(chosen) + len(other)):
-        return None
+def _is_rival(chosen: Plane, other: Plane, odds: float) -> bool:
+    return odds < _AMBIGUOUS and len(other) >= _LEAST_SHARE * (len(chosen) + len(other))
+
+
+def _with_rival(chosen: Plane, other: Plane, cues: _Cues, of_other: _Cues, scene: Scene) -> Choice:
+    """The choice with the other plane as its rival; without, where the two hardly part."""
     both = np.flatnonzero(~np.isnan(chosen.ref_H_cur[:, 0, 0]) & ~np.isnan(other.ref_H_cur[:, 0, 0]))
     centre = np.array([[scene.size[0] / 2, scene.size[1] / 2]])
     ground_px = np.array([apply(np.linalg.inv(chosen.ref_H_cur[f]), centre)[0] for f in both])
     other_px = np.array([apply(np.linalg.inv(other.ref_H_cur[f]), centre)[0] for f in both])
     away_px = np.array([apply(chosen.ref_H_cur[f], at[None])[0] for f, at in zip(both, other_px, strict=True)]) - centre
     if np.abs(away_px).max(initial=0) < _APART_PX:
-        return None
+        return Choice(chosen)
     elapsed_s = scene.elapsed_s[both]
     rate, ground_drift, drift = (_rate(elapsed_s, far) for far in (away_px, ground_px - centre, other_px - centre))
-    return Rival(len(other) / (len(chosen) + len(other)), rate, ground_drift, drift, odds)
+    share = len(other) / (len(chosen) + len(other))
+    rival = Rival(share, rate, ground_drift, drift, cues.odds_against(of_other), cues.odds_without_drift(of_other))
+    return Choice(chosen, rival, other)
 
 
 def _rate(elapsed_s: FloatArray, away_px: FloatArray) -> Rate:

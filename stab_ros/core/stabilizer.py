@@ -16,6 +16,7 @@ from stab_ros.core.bases import REFERENCES, Base, Place, make_base, reference_ba
 from stab_ros.core.camera import Camera
 from stab_ros.core.config import Checked, setting
 from stab_ros.core.deferral import Deferral, Opening, Outcome
+from stab_ros.core.doubt import Doubt, Verdict
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import is_plausible, sigma_px
 from stab_ros.core.gray import depth_scale, to_gray
@@ -87,7 +88,7 @@ class Stabilizer:
         self._reference: Reference | None = None
         self._reset = False
         self._deferral: Deferral | None = None
-        self._rival: Rival | None = None
+        self._doubt: Doubt | None = None
         self._last_match: tuple[Correspondences, Fit | None] | None = None
         self._motion = Motion(np.eye(3), 0)
         self._frames, self._references = 0, 0
@@ -131,7 +132,7 @@ class Stabilizer:
         if self._deferral is None:
             return []
         outcome, self._deferral = self._deferral.outcome(), None
-        self._static_map, self._ground_known, self._rival = outcome.static_map, True, outcome.rival
+        self._static_map, self._ground_known, self._doubt = outcome.static_map, True, outcome.doubt
         self._base.believe(self._static_map)
         return [self._opened(opening, outcome) for opening in outcome.openings]
 
@@ -154,6 +155,7 @@ class Stabilizer:
                 self._base.learn(pairs, fit)
                 track = self._tracked(index, frame.stamp_ns, pairs, fit, frame.size)
                 self._move_base(gray, Place(fit.ref_H_cur, self._base.place.accumulated(fit, frame.size)))
+                self._reconsider(fit.ref_H_cur, frame.stamp_ns)
                 return track
         self._motion = self._motion.standing()
         return self._lost(index, frame.stamp_ns, len(pairs))
@@ -212,7 +214,7 @@ class Stabilizer:
     @property
     def rival(self) -> Rival | None:
         """What may be the ground as well as what was taken for it; None: there is no doubt."""
-        return self._rival if self._reference else None
+        return self._doubt.rival if self._reference and self._doubt else None
 
     @property
     def reference(self) -> Frame | None:
@@ -261,7 +263,7 @@ class Stabilizer:
         found = len(base.features_px)
         if found < config.min_inliers:
             return self._lost(index, frame.stamp_ns, 0)
-        self._static_map, self._rival = self._given_map or StaticMap.of_mask(allowed), None
+        self._static_map, self._doubt = self._given_map or StaticMap.of_mask(allowed), None
         self._ground_known = self._given_map is not None
         self._take(base, allowed)
         self._reference = reference
@@ -327,11 +329,24 @@ class Stabilizer:
         """The answer of an accepted fit, which the next frames go by."""
         self._motion = self._motion.then(fit.ref_H_cur, stamp_ns)
         covariance = self._base.place.accumulated(fit, size)
-        if self._rival is not None:
-            covariance = covariance + self._rival.spread(fit.ref_H_cur, (stamp_ns - self._reference_stamp_ns) / 1e9)
+        if self._doubt is not None:
+            covariance = covariance + self._doubt.spread(fit.ref_H_cur, stamp_ns)
         return Track(State.TRACKED, index, stamp_ns, self._reference_stamp_ns, self.reset_counter, len(pairs),
                      int(fit.inlier.sum()), fit.ref_H_cur, covariance, fit.rmse_px,
                      sigma_px(fit.ref_H_cur, covariance, size))
+
+    def _reconsider(self, ref_H_cur: Homography, stamp_ns: int) -> None:
+        """Weighs an ambiguous choice of ground again; if the other plane is it, the next frame is sought by that."""
+        doubt = self._doubt
+        verdict = Verdict.OPEN if doubt is None else doubt.weigh(ref_H_cur, stamp_ns)
+        if doubt is None or verdict is Verdict.OPEN:
+            return
+        self._doubt = None
+        if verdict is Verdict.TURNED:
+            self._static_map = doubt.rival_map
+            self._motion = Motion(doubt.by_rival(ref_H_cur, stamp_ns), stamp_ns)
+            self._base.believe(doubt.rival_map)
+            self._references += 1  # what was answered before does not belong to what follows
 
     def _move_base(self, gray: Gray, place: Place) -> None:
         """The frame just tracked becomes the base if it is time for that; the old one goes on if it cannot."""

@@ -1,0 +1,57 @@
+"""A choice of ground that was ambiguous, weighed again as the flight goes on: water keeps going, a camera hovers."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+import numpy as np
+
+from stab_ros.core.geometry import normalized
+from stab_ros.core.ground_choice import Rival, drift_odds, drift_px
+from stab_ros.core.static_map import StaticMap
+from stab_ros.core.types import FloatArray, Homography
+
+_PATIENCE_S = 3.0  # from the reference on, before anything is decided
+_DECIDED = 1.5  # logarithm of the odds
+
+
+class Verdict(Enum):
+    """OPEN: both planes may still be the ground. SETTLED: the chosen one is. TURNED: the rival is."""
+
+    OPEN = 0
+    SETTLED = 1
+    TURNED = 2
+
+
+class Doubt:
+    """Between the chosen ground and its rival, since a reference of `size` (width, height) at `start_ns`."""
+
+    def __init__(self, rival: Rival, rival_map: StaticMap, start_ns: int, size: tuple[int, int]) -> None:
+        """rival_map: where ground is if the rival is it."""
+        self.rival, self.rival_map = rival, rival_map
+        self._start_ns, self._size = start_ns, size
+
+    def spread(self, ref_H_cur: Homography, stamp_ns: int) -> FloatArray:
+        """Covariance (8, 8) of h00 .. h21: one sigma is how far apart the two planes put the frame."""
+        away = np.array(self.rival.rate_px) * self._elapsed_s(stamp_ns)
+        change = np.concatenate([away[0] * ref_H_cur[2], away[1] * ref_H_cur[2], np.zeros(2)])
+        return np.asarray(np.outer(change, change))
+
+    def weigh(self, ref_H_cur: Homography, stamp_ns: int) -> Verdict:
+        """By how far each plane has been carried until now; the other cues stay what they were."""
+        if self._elapsed_s(stamp_ns) < _PATIENCE_S:
+            return Verdict.OPEN
+        chosen_px, other_px = (drift_px(H, self._size) for H in (ref_H_cur, self.by_rival(ref_H_cur, stamp_ns)))
+        odds = self.rival.odds_without_drift + drift_odds(chosen_px, other_px, self._size[0],
+                                                          self._elapsed_s(stamp_ns))
+        if odds > _DECIDED:
+            return Verdict.SETTLED
+        return Verdict.TURNED if odds < -_DECIDED else Verdict.OPEN
+
+    def by_rival(self, ref_H_cur: Homography, stamp_ns: int) -> Homography:
+        """Where the frame lies if the rival is the ground, and has gone on as it did."""
+        x, y = np.array(self.rival.rate_px) * self._elapsed_s(stamp_ns)
+        return normalized(np.array([[1.0, 0.0, -x], [0.0, 1.0, -y], [0.0, 0.0, 1.0]]) @ ref_H_cur)
+
+    def _elapsed_s(self, stamp_ns: int) -> float:
+        return (stamp_ns - self._start_ns) / 1e9
