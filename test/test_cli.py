@@ -202,7 +202,7 @@ def test_a_full_disk_is_noticed_by_the_video_too(tmp_path: Path) -> None:
         picture = noise.integers(0, 256, (480, 640, 3), np.uint8)
         cv2.imwrite(str(tmp_path / "frames" / f"{number:02}.png"), picture)
     words = ("stabilize", "frames", "out.mcap", "--no-image", "--video", "V.mp4", "-p", "on_lost:=pass")
-    done = run_on_a_full_disk(*words, cwd=tmp_path, room=300_000)
+    done = run_on_a_full_disk(*words, cwd=tmp_path, room=700_000)
     assert done.returncode == 1, done.stderr
     assert "V.partial.mp4" in done.stderr
     assert len(done.stderr.splitlines()) == 1

@@ -147,7 +147,7 @@ def test_metres_and_thresholds_change_in_flight(graph: Graph, ground: Gray) -> N
 def test_undistorted_pictures_are_measured_against_an_undistorted_reference(graph: Graph) -> None:
     """The lens bends the corners by several pixels; the raw first picture would stand far off."""
     _, metrics, _ = listening(graph)
-    graph.start("tracker_node", "/cam", use_camera_info=True, queue_depth=0, wait_for_subscribers=1)
+    graph.start("tracker_node", "/cam", use_camera_info=True, queue_depth=0, wait_for_subscribers=1, start_s=0.0)
     images = graph.speak(Image, "/cam/image_raw")
     infos = graph.speak(CameraInfo, "/cam/camera_info", LATCHED)
     width, height = SIZE

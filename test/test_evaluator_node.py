@@ -53,7 +53,7 @@ def test_live_gives_what_the_command_gives(graph: Graph, shots: list[Shot], tmp_
     evaluator = graph.start("evaluator_node", "/cam", wait_for_subscribers=1)
     recorder = graph.start("bag_recorder_node", output=str(recorded),
                            topics=["/cam/homography", "/cam/image_stabilized"])
-    tracker = graph.start("tracker_node", "/cam", queue_depth=0, wait_for_subscribers=2)
+    tracker = graph.start("tracker_node", "/cam", queue_depth=0, wait_for_subscribers=2, start_s=0.0)
     player = graph.start("bag_player_node", bag=str(flown), wait_for_subscribers=1, rate=100.0)
     assert player.wait() == 0
     graph.until(lambda: len(heard) == len(shots), "every frame measured")

@@ -37,21 +37,22 @@ def tracks(path: Path, topic: str) -> list[tuple[int, dict[str, str]]]:
     return [(stamp_ns(one), values_of(one)) for one in read]
 
 
+@pytest.mark.parametrize("start_s", [0.0, 0.15, 1.0])  # no start, one that ends in mid-stream, and with the stream
 def test_live_gives_what_the_command_gives(
-    graph: Graph, recordings: dict[str, Path], executable: Command, tmp_path: Path
+    start_s: float, graph: Graph, recordings: dict[str, Path], executable: Command, tmp_path: Path
 ) -> None:
     recorded, offline = tmp_path / "live.mcap", tmp_path / "offline.mcap"
     outputs = ["/cam/homography", "/cam/image_stabilized", "/cam/tracker_node/track"]
     answers = graph.listen(CameraInfo, "/cam/homography")
     recorder = graph.start("bag_recorder_node", output=str(recorded), topics=outputs)
-    tracker = graph.start("tracker_node", "/cam", queue_depth=0, wait_for_subscribers=2)
+    tracker = graph.start("tracker_node", "/cam", queue_depth=0, wait_for_subscribers=2, start_s=start_s)
     player = graph.start("bag_player_node", bag=str(recordings["mcap"]), wait_for_subscribers=1, rate=100.0)
     assert player.wait() == 0
     sent = [read_stamp(data) for data in messages(recordings["mcap"], IMAGE_TOPIC)]
     graph.until(lambda: len(answers) == len(sent), "every frame answered")
     assert (tracker.stop(), recorder.stop(signal.SIGTERM)) == (0, 0)
 
-    assert executable("stabilize", recordings["mcap"], offline).returncode == 0
+    assert executable("stabilize", recordings["mcap"], offline, "-p", f"start_s:={start_s}").returncode == 0
     live = dict(map(read_homography, messages(recorded, "/cam/homography")))
     same = dict(map(read_homography, messages(offline, "/cam/homography")))
     assert list(live) == list(same) == sent
@@ -60,9 +61,10 @@ def test_live_gives_what_the_command_gives(
         assert H is not None
         assert other is not None
         np.testing.assert_allclose(other, H, rtol=0, atol=1e-9)
-    images = messages(recorded, "/cam/image_stabilized")
-    assert [read_stamp(data) for data in images] == sent
-    assert images == messages(offline, "/cam/image_stabilized")
+    images, all_images = messages(recorded, "/cam/image_stabilized"), messages(offline, "/cam/image_stabilized")
+    assert [read_stamp(data) for data in all_images] == sent
+    at_hand = [stamp == sent[0] or stamp >= sent[0] + start_s * 1e9 for stamp in sent]  # when their answer was known
+    assert images == [data for data, known in zip(all_images, at_hand, strict=True) if known]
     assert tracks(recorded, "/cam/tracker_node/track") == tracks(offline, "/cam/track")
 
 
@@ -242,7 +244,7 @@ def test_state_goes_from_waiting_to_stale(graph: Graph, flight: list[Shot]) -> N
 
 
 def test_debug_image_is_made_for_who_listens(graph: Graph, flight: list[Shot]) -> None:
-    graph.start("tracker_node", queue_depth=0)
+    graph.start("tracker_node", queue_depth=0, start_s=0.0)
     pictures = graph.listen(Image, "/tracker_node/debug_image")
     camera = graph.speak(Image, "/image_raw")
     graph.until(lambda: graph.node.count_publishers("/tracker_node/debug_image"), "discovery")

@@ -43,8 +43,10 @@ def test_every_kind_of_input_comes_out_as_true_homographies_in_a_bag(
     namespace = "/camera" if kind in ("folder", "video") else "/cam"
     made = {f"{namespace}/{name}" for name in ("homography", "track", "image_stabilized")}
     found = messages(tmp_path / "out.mcap")
-    assert set(found) == (made if namespace == "/camera" else made | {OTHER_TOPIC})
+    once, others = {f"{namespace}/static_map"}, set() if namespace == "/camera" else {OTHER_TOPIC}
+    assert set(found) == made | once | others
     assert all(len(found[topic]) == 10 for topic in made)
+    assert all(len(found[topic]) == 1 for topic in once)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["H.csv", "out.mcap"]
 
 
@@ -107,7 +109,7 @@ def test_raw_images_of_a_bag_are_kept_byte_for_byte(
     raw = [to_cdr(entry) for entry in entries(flight[:4]) if entry.topic == IMAGE_TOPIC]
     assert [data for _, data in found[IMAGE_TOPIC]] == raw
     assert {topic: len(data) for topic, data in found.items()} == {
-        IMAGE_TOPIC: 4, OTHER_TOPIC: 4, "/cam/homography": 4, "/cam/track": 4}
+        IMAGE_TOPIC: 4, OTHER_TOPIC: 4, "/cam/homography": 4, "/cam/track": 4, "/cam/static_map": 1}
 
 
 @pytest.mark.parametrize("kind", ["rosbag1", "folder", "video"])
@@ -116,7 +118,8 @@ def test_all_options_go_together(kind: str, recordings: dict[str, Path], command
         "--video", tmp_path / "V.mp4", "--homographies", tmp_path / "H.csv", "-p", "on_lost:=hold")
     namespace, others = ("/cam", [OTHER_TOPIC]) if kind == "rosbag1" else ("/camera", [])
     names = [f"{namespace}/{name}" for name in ("homography", "image_raw", "track")] + others
-    assert {topic: len(data) for topic, data in messages(tmp_path / "out.mcap").items()} == dict.fromkeys(names, 4)
+    found = {topic: len(data) for topic, data in messages(tmp_path / "out.mcap").items()}
+    assert found == dict.fromkeys(names, 4) | {f"{namespace}/static_map": 1}
     rows = table(tmp_path / "H.csv")
     step_ns = int(rows[3]["stamp_ns"]) - int(rows[2]["stamp_ns"])
     assert (len(rows), step_ns) == (4, 200_000_000 if kind == "rosbag1" else 125_000_000)  # a bag has its own stamps
@@ -175,7 +178,8 @@ def test_one_of_two_image_topics_is_chosen_and_the_other_taken_over(
     bag = write_mcap(tmp_path / "in.mcap", two)
     run(command, bag, tmp_path / "out.mcap", "--image-topic", "/right/image")
     found = messages(tmp_path / "out.mcap")
-    assert set(found) == {"/left/image", "/right/homography", "/right/track", "/right/image_stabilized"}
+    assert set(found) == {"/left/image", "/right/homography", "/right/track", "/right/image_stabilized",
+                          "/right/static_map"}
     assert [data for _, data in found["/left/image"]] == [to_cdr(entry) for entry in two[::2]]
 
 
@@ -185,7 +189,7 @@ def test_topics_of_our_names_in_the_input_give_way(
     run(command, recordings["mcap"], tmp_path / "once.mcap", "--keep-raw", "--no-image", "--limit", 4)
     _, err = run(command, tmp_path / "once.mcap", tmp_path / "twice.mcap", "--keep-raw", "--no-image")
     assert len(err.splitlines()) == 1
-    assert "once.mcap: its own /cam/homography, /cam/track gave way" in err
+    assert "once.mcap: its own /cam/homography, /cam/static_map, /cam/track gave way" in err
     assert messages(tmp_path / "twice.mcap") == messages(tmp_path / "once.mcap")
 
 

@@ -6,8 +6,10 @@
   large rotation or scale, and less accurate).
 * `adjacent`: each frame is compared with the one before, and the homographies are chained (Zhang et al. 2023, section
   2, who compare neighbours; chaining needs no second interpolation).
+* `keyframe`: as `updated`, but a later frame becomes a base only where the view leaves the others, and they all stay
+  (`keyframes`).
 
-With the last two the uncertainty of the base goes into that of each comparison, to first order, so that `sigma_px`
+But for the first the uncertainty of the base goes into that of each comparison, to first order, so that `sigma_px`
 shows the drift. Each comparison sees the same ground, water and interpolation as the one before, so their errors are
 alike: measured, they grow with the number of comparisons and not with its root. So sigmas add up, not their squares.
 """
@@ -23,17 +25,19 @@ import numpy as np
 from stab_ros.core.geometry import apply, inside, normalized, point_jacobian, product_jacobians, sigma_px
 from stab_ros.core.overview import Overview
 from stab_ros.core.points import check_inside, check_used
+from stab_ros.core.relocation import Relocation
 from stab_ros.core.static_features import StaticFeatures
 from stab_ros.core.static_map import StaticMap
 from stab_ros.core.types import BoolArray, Correspondences, Fit, FloatArray, Gray, Homography
 from stab_ros.methods import METHODS, Method
 
-REFERENCES = ("fixed", "updated", "adjacent")
+REFERENCES = ("fixed", "updated", "adjacent", "keyframe")
 
 # (pairs, guess, trust of each pair) -> the homography from the current frame to where the pairs' reference_px lie
 Solve = Callable[[Correspondences, Homography, FloatArray], Fit | None]
 
 _RIGHT_MATCHES = 0.5
+_MANY_FEATURES = 200  # enough to tell ground from water all over the picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +105,7 @@ class Base:
     def __init__(self, gray: Gray, place: Place, method: Method) -> None:
         """method: made for `gray`, (h, w) uint8, which is not copied."""
         self.gray, self.place, self._method = gray, place, method
-        self._overview = Overview(gray)
+        self._overview, self._relocation = Overview(gray), Relocation(gray)
         self._features = StaticFeatures(len(method.reference_px))
 
     @property
@@ -116,7 +120,24 @@ class Base:
 
     def believe(self, static_map: StaticMap) -> None:
         """Trusts the features as the map of the reference says."""
-        self._features.believe(static_map.at(apply(self.place.ref_H_base, self.features_px)))
+        self._features.believe(static_map.at(self._features_in_reference))
+
+    def inherit(self, old: Base, static_map: StaticMap | None) -> None:
+        """Trusts the features as the map of the reference says, and where that tells nothing, as an older base does."""
+        at_px = self._features_in_reference
+        trust = StaticMap.of_features(old.features_px, old.trust, self.size).at(old.place.points_in_base(at_px))
+        if static_map is not None:
+            trust = np.where(inside(at_px, static_map.size), static_map.at(at_px), trust)
+        self._features.believe(trust)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height, px."""
+        return self.gray.shape[1], self.gray.shape[0]
+
+    @property
+    def _features_in_reference(self) -> FloatArray:
+        return apply(self.place.ref_H_base, self.features_px)
 
     def align(self, gray: Gray, guess: Homography, solve: Solve, chain: bool) -> tuple[Correspondences, Fit | None]:
         """Match and fit from a guess (ref_H_cur); both in px of the reference, without the uncertainty of the base.
@@ -135,6 +156,18 @@ class Base:
         """`guess` (ref_H_cur) with the shift that a rough look at the whole picture shows."""
         return self.place.to_reference(self._overview.corrected(gray, self.place.to_base(guess)))
 
+    def relocated(self, gray: Gray) -> Homography | None:
+        """ref_H_cur by features of the whole picture, wherever the frame lies; None where too few agree."""
+        many = len(self.features_px) >= _MANY_FEATURES
+        ground = StaticMap.of_features(self.features_px, self.trust, self.size) if many else None
+        found = self._relocation.find(gray, ground)
+        return None if found is None else self.place.to_reference(found)
+
+    def share_in_view(self, ref_H_cur: Homography) -> float:
+        """How much of the trusted features a frame there shows, in [0, 1]."""
+        total = float(self.trust.sum())
+        return float(self.trust[self._in_view(ref_H_cur)].sum()) / total if total > 0 else 0.0
+
     def expected(self, pairs: Correspondences, ref_H_cur: Homography) -> float:
         """How many trusted features a frame there should show.
 
@@ -151,7 +184,7 @@ class Base:
     def _in_view(self, ref_H_cur: Homography) -> BoolArray:
         """(features,) bool: which of them lie in the frame."""
         seen_px = apply(np.linalg.inv(self.place.to_base(ref_H_cur)), self._method.reference_px)
-        return inside(seen_px, (self.gray.shape[1], self.gray.shape[0]))
+        return inside(seen_px, self.size)
 
 
 def make_base(gray: Gray, place: Place, method: str, method_config: object, allowed: BoolArray,

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stab_ros.core import estimators
-from stab_ros.core.bases import REFERENCES, Base, Place, make_base, reference_base
+from stab_ros.core.bases import REFERENCE, REFERENCES, Base, Place, make_base, reference_base
 from stab_ros.core.camera import Camera
 from stab_ros.core.config import Checked, setting
 from stab_ros.core.deferral import Deferral, Opening, Outcome
@@ -21,6 +21,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import is_plausible, sigma_px
 from stab_ros.core.gray import depth_scale, to_gray
 from stab_ros.core.ground_choice import Rival
+from stab_ros.core.keyframes import Keyframes
 from stab_ros.core.models import MODELS
 from stab_ros.core.points import check_count
 from stab_ros.core.reference import Motion, Reference, is_textured
@@ -43,6 +44,10 @@ from stab_ros.core.types import (
 from stab_ros.core.warp import INTERPOLATION, warp
 from stab_ros.methods import METHODS
 
+_OTHER_BASES = 3  # that a lost frame is sought in, besides the one before
+_MAP_EVERY = 50  # frames
+_MAP_CHANGED = 0.03  # of the reference
+
 
 @dataclass(frozen=True)
 class StabilizerConfig(Checked):
@@ -52,7 +57,9 @@ class StabilizerConfig(Checked):
     model: str = setting("projective", "transformation model", choices=MODELS)
     estimator: str = setting("magsac", "how the homography is fitted", choices=tuple(estimators.ESTIMATORS))
     reference: str = setting("fixed", "what frames are compared with: the first one; a later one whose features are "
-                             "carried to the first; or the one before, in a chain", choices=REFERENCES)
+                             "carried to the first; the one before, in a chain; or a keyframe, where the view leaves "
+                             "the first", choices=REFERENCES)
+    max_keyframes: int = setting(16, "with `reference` keyframe: so many are kept, the far ones are forgotten", 2, 1000)
     update_every: int = setting(1, "with `reference` updated: after so many frames features are found anew", 1, 100000)
     on_lost: str = setting("drop", "image_stabilized of a lost frame: none, the last homography, or unwarped",
                            choices=("drop", "hold", "pass"))
@@ -80,6 +87,11 @@ class Stabilizer:
         InputError: the method takes no points, or they are too few.
     """
 
+    _base: Base  # from the first reference on, as all that follows
+    _allowed: BoolArray
+    _static_map: StaticMap
+    _ground_known: bool
+
     def __init__(self, config: StabilizerConfig, area: Area | None = None, camera: Camera | None = None,
                  points_px: FloatArray = NO_POINTS, static_map: StaticMap | None = None) -> None:
         _check_points(config, points_px)
@@ -90,8 +102,9 @@ class Stabilizer:
         self._deferral: Deferral | None = None
         self._doubt: Doubt | None = None
         self._last_match: tuple[Correspondences, Fit | None] | None = None
+        self._keyframes: Keyframes | None = None
         self._motion = Motion(np.eye(3), 0)
-        self._frames, self._references = 0, 0
+        self._frames, self._references, self._learnt = 0, 0, 0
 
     def step(self, frame: Frame) -> Stabilized:
         """`track` and `warp` in one."""
@@ -149,15 +162,19 @@ class Stabilizer:
         if self._reference is None or not self._continues(frame):
             return self._start(index, frame)
         gray = self._gray(frame, self._reference.grey_scale)
-        for guess in self._guesses(gray, frame.stamp_ns):
+        pairs: Correspondences | tuple[()] = ()
+        before = self._base
+        for base, guess in self._attempts(gray, frame.stamp_ns):
+            self._base = base
             pairs, fit = self._align(gray, guess)
-            if fit is not None and self._accepts(fit, self._base.expected(pairs, fit.ref_H_cur), frame.size):
-                self._base.learn(pairs, fit)
+            if fit is not None and self._accepts(fit, base.expected(pairs, fit.ref_H_cur), frame.size):
+                self._close_loop(before, gray, fit)
+                self._learn(pairs, fit)
                 track = self._tracked(index, frame.stamp_ns, pairs, fit, frame.size)
                 self._move_base(gray, Place(fit.ref_H_cur, self._base.place.accumulated(fit, frame.size)))
                 self._reconsider(fit.ref_H_cur, frame.stamp_ns)
                 return track
-        self._motion = self._motion.standing()
+        self._base, self._motion = before, self._motion.standing()
         return self._lost(index, frame.stamp_ns, len(pairs))
 
     def warp(self, frame: Frame, track: Track) -> Image | None:
@@ -204,7 +221,7 @@ class Stabilizer:
         if len(base.features_px) < config.min_inliers:
             raise InputError(f"{config.method} finds fewer than {config.min_inliers} features in the reference, "
                              "roi and exclude must leave more texture")
-        self._take(base, allowed)
+        self._take(base, allowed, config)
 
     @property
     def static_map(self) -> StaticMap | None:
@@ -265,7 +282,7 @@ class Stabilizer:
             return self._lost(index, frame.stamp_ns, 0)
         self._static_map, self._doubt = self._given_map or StaticMap.of_mask(allowed), None
         self._ground_known = self._given_map is not None
-        self._take(base, allowed)
+        self._take(base, allowed, config)
         self._reference = reference
         self._motion = Motion(np.eye(3), frame.stamp_ns)
         self._references += 1
@@ -290,8 +307,10 @@ class Stabilizer:
         self._motion = self._motion.standing()
         return self._lost(opening.index, opening.stamp_ns, len(opening.pairs))
 
-    def _take(self, base: Base, allowed: BoolArray) -> None:
+    def _take(self, base: Base, allowed: BoolArray, config: StabilizerConfig) -> None:
         self._base, self._allowed, self._base_age = self._informed(base), allowed, 0
+        keyframes = config.reference == "keyframe"
+        self._keyframes = Keyframes(self._base, base.size, config.max_keyframes) if keyframes else None
         self._last_match = None
 
     def _informed(self, base: Base) -> Base:
@@ -300,11 +319,30 @@ class Stabilizer:
             base.believe(self._static_map)
         return base
 
-    def _guesses(self, gray: Gray, stamp_ns: int) -> Iterator[Homography]:
-        """Where the frame may lie: going on as before, or having stopped, or wherever it has jumped to."""
-        yield self._motion.predict(stamp_ns)
-        yield self._motion.last
-        yield self._base.jumped(gray, self._motion.last)
+    def _attempts(self, gray: Gray, stamp_ns: int) -> Iterator[tuple[Base, Homography]]:
+        """Where the frame may lie, by which base: going on as before, having stopped, or wherever it has jumped to."""
+        expected, last = self._motion.predict(stamp_ns), self._motion.last
+        base = self._base if self._keyframes is None else self._keyframes.choose(expected)
+        yield base, expected
+        if not is_textured(gray):
+            return
+        yield base, last
+        yield base, base.jumped(gray, last)
+        others = [] if self._keyframes is None else self._keyframes.others(last)[:_OTHER_BASES]
+        for one in (base, *others):
+            found = one.relocated(gray)
+            if found is not None:
+                yield one, found
+
+    def _close_loop(self, before: Base, gray: Gray, fit: Fit) -> None:
+        """The base of the frames until now learns its place from a frame that another base has placed."""
+        if self._keyframes is None or before is self._base:
+            return
+        self._keyframes.take(self._base)
+        _, seen = before.align(gray, fit.ref_H_cur, self._solve, chain=False)
+        if seen is not None and self._accepts(seen, 0.0, before.size):
+            placed = dataclasses.replace(fit, covariance=self._base.place.accumulated(fit, before.size))
+            self._keyframes.correct(before, before.place.to_base(seen.ref_H_cur), placed)
 
     def _align(self, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
         """Match and fit from a guess."""
@@ -335,6 +373,15 @@ class Stabilizer:
                      int(fit.inlier.sum()), fit.ref_H_cur, covariance, fit.rmse_px,
                      sigma_px(fit.ref_H_cur, covariance, size))
 
+    def _learn(self, pairs: Correspondences, fit: Fit) -> None:
+        """The base remembers who agreed; now and then the map is made anew, if much of it has changed."""
+        self._base.learn(pairs, fit)
+        self._learnt += 1
+        if self._learnt % _MAP_EVERY == 0 and self._base.place is REFERENCE and self._ground_known:
+            fresh = StaticMap.of_features(self._base.features_px, self._base.trust, self._static_map.size)
+            if fresh.differs(self._static_map) > _MAP_CHANGED:
+                self._static_map = fresh
+
     def _reconsider(self, ref_H_cur: Homography, stamp_ns: int) -> None:
         """Weighs an ambiguous choice of ground again; if the other plane is it, the next frame is sought by that."""
         doubt = self._doubt
@@ -351,12 +398,23 @@ class Stabilizer:
     def _move_base(self, gray: Gray, place: Place) -> None:
         """The frame just tracked becomes the base if it is time for that; the old one goes on if it cannot."""
         self._base_age += 1
-        config = self._config
-        if config.reference == "fixed" or (config.reference == "updated" and self._base_age < config.update_every):
+        if not self._wants_base(place.ref_H_base):
             return
+        config = self._config
         base = make_base(gray.copy(), place, config.method, config.method_config, self._allowed, self._points_px)
-        if len(base.features_px) >= config.min_inliers:
-            self._base, self._base_age = self._informed(base), 0
+        if len(base.features_px) < config.min_inliers:
+            return
+        base.inherit(self._base, self._static_map if self._ground_known else None)
+        if self._keyframes is not None:
+            self._keyframes.add(base)
+        else:
+            self._base, self._base_age = base, 0
+
+    def _wants_base(self, ref_H_cur: Homography) -> bool:
+        if self._keyframes is not None:
+            return self._keyframes.wants_new(ref_H_cur)
+        strategy = self._config.reference
+        return strategy == "adjacent" or (strategy == "updated" and self._base_age >= self._config.update_every)
 
     def _lost(self, index: int, stamp_ns: int, matches: int) -> Track:
         return Track(State.LOST, index, stamp_ns, self._reference_stamp_ns, self.reset_counter, matches)

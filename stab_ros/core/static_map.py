@@ -11,6 +11,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import inside
 from stab_ros.core.types import BoolArray, FloatArray, Gray
 
+_GROUND = 128
 _STEP_PX = 4  # of the grid that the ground is kept on: finer than features lie apart
 
 
@@ -57,6 +58,10 @@ class StaticMap:
         ground = np.ones(len(points_px))
         ground[shown] = self.cells[row, column] / 255.0
         return ground
+
+    def differs(self, other: StaticMap) -> float:
+        """Share of the reference that one map takes for ground and the other does not."""
+        return float(np.mean((self.cells >= _GROUND) != (other.cells >= _GROUND)))
 
     def check_size(self, size: tuple[int, int]) -> None:
         """Raises InputError for a reference of another size (width, height)."""

@@ -69,9 +69,11 @@ def run(folder: Path) -> str:
 
 def check_complete(result: Result, folder: Path) -> None:
     """Raises WorkError if a frame was not answered, was lost, or its picture is missing."""
-    if not result.frames == result.answered == result.tracked == result.images:
+    complete = result.frames == result.answered == result.tracked
+    if not complete or result.images != result.frames - result.deferred:
         raise WorkError(f"of {result.frames} frames {result.answered} were answered, {result.tracked} tracked and "
-                        f"{result.images} came out as pictures, it must be all of them; see {folder / 'log'}")
+                        f"{result.images} came out as pictures, it must be all of them, and pictures of all but the "
+                        f"{result.deferred} that were answered late; see {folder / 'log'}")
 
 
 if __name__ == "__main__":

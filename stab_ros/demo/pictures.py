@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import zip_longest
 from pathlib import Path
 
 import cv2
@@ -45,12 +44,14 @@ def show(recording: Path, stabilized: Path, folder: Path) -> tuple[Path, Path]:
 
 
 def _pairs(recording: Path, stabilized: Path) -> Iterator[tuple[Frame, Frame]]:
-    """Every frame as recorded and as stabilised."""
+    """Every frame as recorded and as stabilised; one without a picture, from the start, is passed over."""
     with open_source(recording) as source, open_bag(stabilized) as bag:
         raws = (item.decoded for item in source.frames())
-        steadies = (read_image(message.data, IMAGE) for message in bag.messages({STABILIZED}))
-        for raw, steady in zip_longest(raws, steadies):
-            if not isinstance(raw, Frame) or not isinstance(steady, Frame) or raw.stamp_ns != steady.stamp_ns:
+        for message in bag.messages({STABILIZED}):
+            steady = read_image(message.data, IMAGE)
+            same = (raw for raw in raws if isinstance(raw, Frame) and raw.stamp_ns == steady.stamp_ns)
+            raw = next(same, None)
+            if raw is None:
                 raise WorkError(f"{stabilized}: its pictures are not those of {recording}")
             yield raw, steady
 

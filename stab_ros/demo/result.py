@@ -11,11 +11,14 @@ import numpy as np
 from rosbags.typesys.stores import ros2_jazzy as ros
 
 from stab_ros.core.geometry import rms_distance
+from stab_ros.core.stabilizer import StabilizerConfig
 from stab_ros.core.types import FloatArray, Homography, State, Track
 from stab_ros.demo.replay import HOMOGRAPHY, STABILIZED, TRACK
 from stab_ros.io.bag import open_bag
 from stab_ros.io.homographies import HomographyRow, HomographyWriter
 from stab_ros.io.messages import CAMERA_INFO, DIAGNOSTIC_ARRAY, read_homography, read_stamp, typestore
+
+_START_NS = round(StabilizerConfig().start_s * 1e9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,9 +33,13 @@ class Answers:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """How many frames there were and what became of them; errors in px, RMS over the 9x9 grid, of the tracked ones."""
+    """How many frames there were and what became of them; errors in px, RMS over the 9x9 grid, of the tracked ones.
+
+    deferred: those that are answered late, without a picture: the start.
+    """
 
     frames: int
+    deferred: int
     answered: int
     tracked: int
     images: int
@@ -41,7 +48,8 @@ class Result:
 
     def text(self) -> str:
         """A few lines to read."""
-        head = f"{self.answered} of {self.frames} frames answered, {self.tracked} tracked, {self.images} pictures"
+        head = f"{self.answered} of {self.frames} frames answered, {self.tracked} tracked, {self.images} pictures "
+        head += f"(none of the start, {self.deferred} frames)"
         title = f"{'distance to the truth, px':<28}{'median':>9}{'95 %':>9}{'max':>9}"
         rows = (("as recorded", self.motion_px), ("stabilised", self.error_px))
         return "\n".join([head, "", title, *(f"{name:<28}{_statistics(values)}" for name, values in rows)])
@@ -93,6 +101,7 @@ def compare(truth: Sequence[HomographyRow], answers: Answers) -> Result:
     known = [(true, found) for true, found in pairs[1:] if true is not None and found is not None]
     return Result(
         frames=len(truth),
+        deferred=sum(0 < row.stamp_ns - truth[0].stamp_ns < _START_NS for row in truth),
         answered=sum(row.stamp_ns in answers.homographies for row in truth),
         tracked=sum(found is not None for _, found in pairs),
         images=sum(row.stamp_ns in answers.images for row in truth),

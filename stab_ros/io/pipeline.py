@@ -169,10 +169,21 @@ class PictureTracker:
             self._ahead[numbers[track.index]] = track
 
     def _result(self, picture: Picture, track: Track, image: Image | None) -> Result:
-        reference, static_map = self._stabilizer.reference, self._stabilizer.static_map
-        changed, self._shown_map = static_map is not self._shown_map, static_map
-        return Result(self._number, picture, track, image, None if reference is None else reference.size,
-                      static_map if changed else None)
+        size = picture.decoded.size if track.tracked and isinstance(picture.decoded, Frame) else self._reference_size
+        return Result(self._number, picture, track, image, size, self._new_map(size))
+
+    @property
+    def _reference_size(self) -> tuple[int, int] | None:
+        reference = self._stabilizer.reference
+        return None if reference is None else reference.size
+
+    def _new_map(self, size: tuple[int, int] | None) -> StaticMap | None:
+        """The static map of a reference of this size, if it has not been given out yet."""
+        static_map = self._stabilizer.static_map
+        if static_map is None or static_map is self._shown_map or static_map.size != size:
+            return None
+        self._shown_map = static_map
+        return static_map
 
     def _lost(self, picture: Picture) -> Track:
         reference = self._stabilizer.reference

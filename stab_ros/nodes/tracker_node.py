@@ -171,7 +171,7 @@ class TrackerNode(StabNode):
         for track in tracks:
             waiting = self._waiting.pop(track.index)
             reference = self.stabilizer.reference
-            size = waiting.size if reference is None else reference.size
+            size = waiting.size if reference is None or track.tracked else reference.size
             self.homography.send(homography_cdr(track, waiting.header, size, camera))
             self.track.send(track_cdr(track, waiting.header))
             self.status.on_track(track, time.time_ns() - waiting.source_ns)
