@@ -13,7 +13,7 @@ class Effort:
     the shares of a track. flight: error against truth. stream: memory, at 1080p and at 4K. video: of the real
     recording (None: all of it), of which SIFT looks at every `sift_every`. delivered: messages over DDS. methods:
     of the error of every method and preset. speckled: the same under speckle, at 960x540 and at 1080p. packages: beside
-    stabilo and OpenPIV.
+    stabilo and OpenPIV. plots: whether those in docs/ are made anew.
     """
 
     rendered: int
@@ -28,9 +28,10 @@ class Effort:
     methods: int
     speckled: tuple[int, int]
     packages: int
+    plots: bool
 
 
 FULL = Effort(rendered=40, timed=(240, 160), peer_every=16, profiled=60, flight=40, stream=(2000, 300), video=None,
-              sift_every=1, delivered=240, methods=30, speckled=(10, 10), packages=30)
+              sift_every=1, delivered=240, methods=30, speckled=(10, 10), packages=30, plots=True)
 QUICK = Effort(rendered=8, timed=(24, 12), peer_every=12, profiled=12, flight=10, stream=(200, 20), video=12,
-               sift_every=4, delivered=48, methods=4, speckled=(3, 0), packages=6)
+               sift_every=4, delivered=48, methods=4, speckled=(3, 0), packages=6, plots=False)

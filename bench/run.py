@@ -13,6 +13,7 @@ from pathlib import Path
 import accuracy
 import delivery
 import evaluation
+import faults
 import machine
 import memory
 import methods
@@ -28,6 +29,7 @@ SECTIONS: Mapping[str, Callable[[Effort], Section]] = {
     "methods": methods.measure,
     "packages": packages.measure,
     "evaluation": evaluation.measure,
+    "faults": faults.measure,
     "memory": memory.measure,
     "delivery": delivery.measure,
     "real_video": real_video.measure,
