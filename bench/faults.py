@@ -15,10 +15,11 @@ from tables import Section, Table, number
 from tqdm import tqdm
 
 from stab_ros.core.camera_path import Gust, Pose
+from stab_ros.core.config import Value
 from stab_ros.core.geometry import rms_distance
 from stab_ros.core.river import Preset
 from stab_ros.core.synthetic import Flight, Shot, preset
-from stab_ros.core.types import Frame, Gray, Track
+from stab_ros.core.types import FloatArray, Frame, Gray, Track
 from stab_ros.io.engine import make_stabilizer
 
 SIZE = (960, 540)
@@ -58,6 +59,7 @@ def _blur(picture: Gray, _seconds: float) -> Gray:
     """9 px along a slant, as by a gust."""
     kernel = np.zeros((9, 9), np.float32)
     cv2.line(kernel, (0, 2), (8, 6), 1.0)
+    kernel += kernel[::-1, ::-1]  # a line of whole px is not quite symmetric, and would shift the picture
     return np.asarray(cv2.filter2D(picture, -1, kernel / kernel.sum()))
 
 
@@ -91,9 +93,9 @@ class Course:
     """One run: seconds, error px (NaN: lost), and sigma px of every frame. reset_counter: at the end."""
 
     fault: Fault
-    seconds: np.ndarray
-    error_px: np.ndarray
-    sigma_px: np.ndarray
+    seconds: FloatArray
+    error_px: FloatArray
+    sigma_px: FloatArray
     reset_counter: int
 
     @property
@@ -116,12 +118,14 @@ class Course:
         return longest
 
 
-def fly(fault: Fault, scene: Preset, size: tuple[int, int], values: Mapping[str, object], seed: int = SEED) -> Course:
+def fly(fault: Fault, scene: Preset, size: tuple[int, int], values: Mapping[str, Value], seed: int = SEED) -> Course:
     """A flight with one fault, tracked with default settings but for `values`."""
     gusts = () if fault.move is None else (Gust(BEGIN_S, 1e-6, fault.move),)
     scene = replace(scene, motion=replace(scene.motion, gusts=(*scene.motion.gusts, *gusts)))
     flight = Flight(scene, size=size, frames=int(STREAM_S * scene.fps), seed=seed)
-    stabilizer, shown, tracks = make_stabilizer(values), [], {}  # type: ignore[arg-type]
+    stabilizer = make_stabilizer(values)
+    shown: list[int] = []
+    tracks: dict[int, Track] = {}
     for shot in tqdm(flight, fault.name, disable=None, leave=False):
         spoilt = _spoilt(fault, shot, flight)
         if spoilt is not None:
@@ -157,7 +161,7 @@ def measure(effort: Effort) -> Section:
     courses = [fly(fault, scene, SIZE, {}) for fault in faults(scene)]
     if effort.plots:
         plot(courses, PLOT)
-    head = ("fault", "frames", "lost", "lost in a row, scene visible", "wrong (> 1 px)", "worst, px", "median after, px",
+    head = ("fault", "frames", "lost", "lost in a row, visible", "wrong (> 1 px)", "worst, px", "median after, px",
             "resets")
     rows = [_row(course) for course in courses]
     data = {course.fault.name: {"lost": course.lost, "recovery_frames": course.recovery, "wrong": course.wrong,

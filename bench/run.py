@@ -20,6 +20,8 @@ import methods
 import packages
 import real_video
 import speed
+import static_ground
+import uncertainty
 from effort import FULL, QUICK, Effort
 from tables import Section
 
@@ -29,7 +31,9 @@ SECTIONS: Mapping[str, Callable[[Effort], Section]] = {
     "methods": methods.measure,
     "packages": packages.measure,
     "evaluation": evaluation.measure,
+    "static_ground": static_ground.measure,
     "faults": faults.measure,
+    "uncertainty": uncertainty.measure,
     "memory": memory.measure,
     "delivery": delivery.measure,
     "real_video": real_video.measure,

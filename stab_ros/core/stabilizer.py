@@ -224,6 +224,11 @@ class Stabilizer:
         self._take(base, allowed, config)
 
     @property
+    def keyframes(self) -> int:
+        """How many keyframes there are, the reference among them; 0 where `reference` is something else."""
+        return 0 if self._keyframes is None else len(self._keyframes)
+
+    @property
     def static_map(self) -> StaticMap | None:
         """Where static ground lies in the reference, as far as it is known."""
         return self._static_map if self._reference else None

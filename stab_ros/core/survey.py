@@ -86,9 +86,16 @@ class Survey:
         return Trajectories(self.reference_px, np.array(current).reshape(-1, n, 2),
                             np.array(information).reshape(-1, n, 2, 2), np.array(seen, bool).reshape(-1, n))
 
+    def _as_bright(self, gray: Gray) -> Gray:
+        """The last picture with mean and contrast of the next: the flow takes brightness for motion."""
+        (mean, spread), (wanted, wide) = (cv2.meanStdDev(picture) for picture in (self._last, gray))
+        gain = float(wide[0, 0]) / max(float(spread[0, 0]), 1.0)
+        levels = (np.arange(256) - float(mean[0, 0])) * gain + float(wanted[0, 0])
+        return np.asarray(cv2.LUT(self._last, np.clip(np.round(levels), 0, 255).astype(np.uint8)))
+
     def _try(self, gray: Gray, start_px: FloatArray) -> bool:
         """One attempt from where the features may be; kept if enough of them are there."""
-        at_px, found = _flowed(self._last, gray, self._at_px, start_px)
+        at_px, found = _flowed(self._as_bright(gray), gray, self._at_px, start_px)
         shape = self._shape(at_px, found)
         if shape is None:
             return False
