@@ -70,7 +70,7 @@ def _keyframes(stabilizer: Stabilizer) -> int:
     return stabilizer.keyframes
 
 
-def trap(name: str, speed_m_s: float, drift: Pose = Pose()) -> Preset:
+def trap(name: str, speed_m_s: float, drift: Pose) -> Preset:
     """A preset with rigid water over 70 % of the picture, as strongly textured as the ground."""
     scene = preset(name)
     return replace(scene, stream=replace(scene.stream, width=0.76, speed_m_s=speed_m_s, rigid=True),
@@ -97,11 +97,11 @@ def _row(name: str, one: Course) -> tuple[str, ...]:
 
 def _traps(effort: Effort) -> dict[str, Course]:
     found = {}
-    for name, size in (("kolubara", (4096, 2160)), ("alpine", (3840, 2160))):
-        size = size if effort.plots else (960, 540)
+    for name, full in (("kolubara", (4096, 2160)), ("alpine", (3840, 2160))):
+        size = full if effort.plots else (960, 540)
         frames = int(1.8 * preset(name).fps) + 2
         for speed_m_s in (0.1, 0.3, 1.0):
-            flight = Flight(trap(name, speed_m_s), size, frames, SEED)
+            flight = Flight(trap(name, speed_m_s, preset(name).motion.drift_per_s), size, frames, SEED)
             found[f"{name} {size[0]}x{size[1]}, {speed_m_s:g} m/s"] = fly(flight, {})
     for name, speed_m_s in (("kolubara", 0.3), ("alpine", 0.3)):
         scene = trap(name, speed_m_s, Pose(x_m=speed_m_s))

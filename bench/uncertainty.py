@@ -143,7 +143,8 @@ def _corner_chi2(found: FloatArray, true: FloatArray, covariance: FloatArray, si
     width, height = size
     corners = np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1.0]])
     off, J = apply(found, corners) - apply(true, corners), jacobian(found, corners)
-    return np.einsum("ni,nij,nj->n", off, np.linalg.inv(np.einsum("nij,jk,nlk->nil", J, covariance, J)), off)
+    inverse = np.linalg.inv(np.einsum("nij,jk,nlk->nil", J, covariance, J))
+    return np.asarray(np.einsum("ni,nij,nj->n", off, inverse, off))
 
 
 def measure(effort: Effort) -> Section:

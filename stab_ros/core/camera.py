@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
 
 import cv2
 import numpy as np
 
 from stab_ros.core.errors import InputError
-from stab_ros.core.types import FloatArray, Homography, Image
+from stab_ros.core.types import BoolArray, FloatArray, Homography, Image
+
+Maps: TypeAlias = tuple[FloatArray, FloatArray]
 
 # how many distortion coefficients a model may have (sensor_msgs/distortion_models.hpp)
-COEFFICIENTS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8, 12, 14)}
+COEFFICIENTS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8, 12, 14), "equidistant": (4,)}
+_FARTHEST = 10.0  # distance from the optical axis, in focal lengths: 84 degrees
+_STEPS = 2000
+_BEYOND = -1e6  # a place in no picture
+_MARGIN_PX = 16  # that features keep from what the picture does not show, beyond their own reach
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,15 +46,66 @@ class Camera:
                              f"it must be one of {', '.join(COEFFICIENTS)}")
 
     @property
+    def fisheye(self) -> bool:
+        return self.model == "equidistant" and len(self.D) > 0
+
+    @property
     def distorts(self) -> bool:
-        return bool(np.any(self.D))
+        """Whether a perfect lens would show another picture; a fisheye without coefficients would, too."""
+        return self.fisheye or bool(np.any(self.D))
 
     def undistort(self, image: Image) -> Image:
         """The picture as the same camera would see it through a perfect lens (same K, same size)."""
-        return self.rectify(image, np.eye(3), self.size, cv2.INTER_LINEAR) if self.distorts else image
+        return _resampled(image, self._undistorting, cv2.INTER_LINEAR) if self.distorts else image
 
     def rectify(self, image: Image, ref_H_cur: Homography, size: tuple[int, int], interpolation: int) -> Image:
         """Distortion removed and `ref_H_cur` applied in one interpolation, as image_proc does with our camera_info."""
+        return _resampled(image, self._maps(ref_H_cur, size), interpolation)
+
+    @cached_property
+    def visible(self) -> BoolArray:
+        """(h, w) bool: where the undistorted picture shows something, well away from where it ends."""
+        shown = self.undistort(np.full((self.size[1], self.size[0]), 255, np.uint8)) == 255
+        if shown.all():
+            return np.asarray(shown)
+        kernel = np.ones((2 * _MARGIN_PX + 1, 2 * _MARGIN_PX + 1), np.uint8)
+        return np.asarray(cv2.erode(shown.astype(np.uint8), kernel, borderValue=1) > 0)
+
+    @cached_property
+    def _undistorting(self) -> Maps:
+        return self._maps(np.eye(3), self.size)
+
+    def _maps(self, ref_H_cur: Homography, size: tuple[int, int]) -> Maps:
+        """Where in the picture as taken each pixel of the result lies, x and y, (h, w) float32."""
         rotation = np.linalg.inv(self.K) @ ref_H_cur @ self.K
-        maps = cv2.initUndistortRectifyMap(self.K, self.D, rotation, self.K, size, cv2.CV_32FC1)
-        return np.asarray(cv2.remap(image, maps[0], maps[1], interpolation, borderMode=cv2.BORDER_CONSTANT))
+        of_model = cv2.fisheye.initUndistortRectifyMap if self.fisheye else cv2.initUndistortRectifyMap
+        x, y = of_model(self.K, self.D, rotation, self.K, size, cv2.CV_32FC1)
+        if self._reach < _FARTHEST:
+            x[self._axis_distance(np.linalg.inv(self.K @ rotation), size) > self._reach] = _BEYOND
+        return np.asarray(x), np.asarray(y)
+
+    @cached_property
+    def _reach(self) -> float:
+        """How far from the optical axis, in focal lengths, the model holds: there it stops to grow.
+
+        Beyond, it would show what lies further in once more, as a ring.
+        """
+        if self.fisheye:
+            return _FARTHEST
+        k = np.zeros(8)
+        k[: min(len(self.D), 8)] = self.D[:8]
+        r = np.linspace(0, _FARTHEST, _STEPS)
+        above, below = (1 + a * r**2 + b * r**4 + c * r**6 for a, b, c in ((k[0], k[1], k[4]), k[5:8]))
+        grows = (np.diff(r * above / below) > 0) & (below[1:] > 0)
+        return _FARTHEST if grows.all() else float(r[int(np.argmin(grows))])
+
+    @staticmethod
+    def _axis_distance(ray_M_pixel: FloatArray, size: tuple[int, int]) -> FloatArray:
+        """(h, w) distance of the ray of each pixel from the optical axis, at distance 1."""
+        x, y = np.arange(size[0]), np.arange(size[1])[:, None]
+        rays = [row[0] * x + row[1] * y + row[2] for row in ray_M_pixel]
+        return np.asarray(np.hypot(rays[0], rays[1]) / np.maximum(rays[2], 1e-12))
+
+
+def _resampled(image: Image, maps: Maps, interpolation: int) -> Image:
+    return np.asarray(cv2.remap(image, maps[0], maps[1], interpolation, borderMode=cv2.BORDER_CONSTANT))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stab_ros.core.config import Checked, setting
-from stab_ros.core.errors import ConfigError
+from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.frame_metrics import FrameMetrics, Outcome
 from stab_ros.core.region import Area
 from stab_ros.core.scene import NamedPoint, Scene, View, scene_of
@@ -55,7 +55,8 @@ class EvaluatorConfig(Checked):
 class Arrival:
     """What has come of one frame. index: its number in the stream. frame: its stabilised picture, if any.
 
-    ref_H_cur: None where it was lost, or where no homography came with it.
+    ref_H_cur: None where it was lost, or where no homography came with it. reference_size: width and height, px, of the
+    reference that the homography is for; None: not known.
     """
 
     index: int
@@ -63,6 +64,7 @@ class Arrival:
     ref_H_cur: Homography | None
     lost: bool
     frame: Frame | None
+    reference_size: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,10 +131,11 @@ class Evaluator:
         """The measures of one frame; without `check`, what takes long is left out even where it is due.
 
         Raises:
-            InputError: as `use_reference`, for the first picture.
+            InputError: as `use_reference`, for the first picture; or the picture is not the view of the reference.
         """
         if arrival.lost or arrival.frame is None:
             return FrameMetrics(arrival.index, arrival.stamp_ns, Outcome.LOST if arrival.lost else Outcome.NO_IMAGE)
+        _check_window(arrival.frame, arrival.reference_size)
         scene = self._scene_for(arrival.frame)
         seen, before = self._see(arrival, scene.view_of(arrival.frame, arrival.ref_H_cur)), self._previous
         self._previous = seen
@@ -215,3 +218,10 @@ def _means(points: dict[str, FloatArray], static: BoolArray) -> dict[str, float]
         if len(counted):
             found[name] = float(np.median(counted) if name.startswith("shift") else counted.mean())
     return found
+
+
+def _check_window(frame: Frame, reference_size: tuple[int, int] | None) -> None:
+    """Raises InputError for a picture that shows another part of the reference than the first view."""
+    if reference_size is not None and frame.size != reference_size:
+        raise InputError(f"a stabilised picture is {frame.size[0]}x{frame.size[1]} and its homography is for "
+                         f"{reference_size[0]}x{reference_size[1]}, they must agree: stabilise without output_roi")

@@ -23,6 +23,7 @@ from stab_ros.core.gray import depth_scale, to_gray
 from stab_ros.core.ground_choice import Rival
 from stab_ros.core.keyframes import Keyframes
 from stab_ros.core.models import MODELS
+from stab_ros.core.parallax import Parallax, Relief
 from stab_ros.core.points import check_count
 from stab_ros.core.reference import Motion, Reference, is_textured
 from stab_ros.core.region import Area
@@ -42,6 +43,7 @@ from stab_ros.core.types import (
     Track,
 )
 from stab_ros.core.warp import INTERPOLATION, warp
+from stab_ros.core.window import Window
 from stab_ros.methods import METHODS
 
 _OTHER_BASES = 3  # that a lost frame is sought in, besides the one before
@@ -63,6 +65,8 @@ class StabilizerConfig(Checked):
     update_every: int = setting(1, "with `reference` updated: after so many frames features are found anew", 1, 100000)
     on_lost: str = setting("drop", "image_stabilized of a lost frame: none, the last homography, or unwarped",
                            choices=("drop", "hold", "pass"))
+    output_roi: str = setting("", "what image_stabilized shows: 'x, y, width, height' in px of the reference, and "
+                              'beyond it if need be; "": the view of the reference')
     interpolation: str = setting("linear", "of image_stabilized", choices=tuple(INTERPOLATION))
     threshold: float = setting(0.5, "a feature further than this from the fit is an outlier, px", 0.01, 20.0)
     ransac_threshold: float = setting(3.0, "of the consensus that ed_ransac filters with `threshold`, px", 0.01, 50.0)
@@ -74,6 +78,15 @@ class StabilizerConfig(Checked):
                                       0.0, 1.0)
     max_sigma: float = setting(1.0, "with a larger uncertainty of the homography the frame is lost, px", 0.001, 100.0)
     method_config: object = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _ = self.window
+
+    @property
+    def window(self) -> Window | None:
+        """What image_stabilized shows; None: the view of the reference."""
+        return Window.of(self.output_roi) if self.output_roi.strip() else None
 
 
 class Stabilizer:
@@ -91,6 +104,7 @@ class Stabilizer:
     _allowed: BoolArray
     _static_map: StaticMap
     _ground_known: bool
+    _parallax: Parallax
 
     def __init__(self, config: StabilizerConfig, area: Area | None = None, camera: Camera | None = None,
                  points_px: FloatArray = NO_POINTS, static_map: StaticMap | None = None) -> None:
@@ -186,7 +200,16 @@ class Stabilizer:
             H = self._motion.last
         if H is None:
             return None
-        return warp(frame.image, H, frame.size, self._config.interpolation, self._camera)
+        window = self._config.window
+        if window is not None:
+            H = window.window_H_cur(H)
+        return warp(frame.image, H, window.size if window else frame.size, self._config.interpolation, self._camera)
+
+    @property
+    def offset(self) -> tuple[int, int]:
+        """Where the top left pixel of what `warp` makes lies in the reference, x and y, px."""
+        window = self._config.window
+        return (window.x, window.y) if window else (0, 0)
 
     def reset_reference(self) -> None:
         """The next textured frame becomes the reference."""
@@ -201,7 +224,7 @@ class Stabilizer:
         """
         _check_points(config, points_px)
         if self._reference is not None:
-            self._rebuild(self._reference, config, area.allowed(self._reference.frame.size), points_px)
+            self._rebuild(self._reference, config, self._allowed_by(area, self._reference.frame.size), points_px)
         self._config, self._area, self._points_px = config, area, points_px
 
     def _rebuild(self, reference: Reference, config: StabilizerConfig, allowed: BoolArray,
@@ -229,6 +252,11 @@ class Stabilizer:
         return 0 if self._keyframes is None else len(self._keyframes)
 
     @property
+    def relief(self) -> Relief | None:
+        """What shows that the ground is no plane; None: nothing does."""
+        return self._parallax.relief if self._reference else None
+
+    @property
     def static_map(self) -> StaticMap | None:
         """Where static ground lies in the reference, as far as it is known."""
         return self._static_map if self._reference else None
@@ -252,6 +280,11 @@ class Stabilizer:
     def last_match(self) -> tuple[Correspondences, Fit | None] | None:
         """What the last compared frame was judged by: the features found in it, and what was fitted to them."""
         return self._last_match if self._reference else None
+
+    def _allowed_by(self, area: Area, size: tuple[int, int]) -> BoolArray:
+        """(h, w) bool: where the area leaves features, and the picture without lens distortion shows anything."""
+        allowed = area.allowed(size)
+        return allowed if self._camera is None else allowed & self._camera.visible
 
     def _count(self) -> int:
         """The number of the next frame."""
@@ -279,7 +312,7 @@ class Stabilizer:
         if not is_textured(gray):
             return self._lost(index, frame.stamp_ns, 0)
         own = dataclasses.replace(frame, image=frame.image.copy())  # the caller may use its buffer again
-        reference, allowed = Reference(own, gray.copy(), scale), self._area.allowed(frame.size)
+        reference, allowed = Reference(own, gray.copy(), scale), self._allowed_by(self._area, frame.size)
         config = self._config
         base = reference_base(reference.gray, config.method, config.method_config, allowed, self._points_px)
         found = len(base.features_px)
@@ -288,6 +321,7 @@ class Stabilizer:
         self._static_map, self._doubt = self._given_map or StaticMap.of_mask(allowed), None
         self._ground_known = self._given_map is not None
         self._take(base, allowed, config)
+        self._parallax = Parallax(frame.size)
         self._reference = reference
         self._motion = Motion(np.eye(3), frame.stamp_ns)
         self._references += 1
@@ -381,6 +415,7 @@ class Stabilizer:
     def _learn(self, pairs: Correspondences, fit: Fit) -> None:
         """The base remembers who agreed; now and then the map is made anew, if much of it has changed."""
         self._base.learn(pairs, fit)
+        self._parallax.add(pairs, fit, self._static_map.at(pairs.reference_px) > 0.5)
         self._learnt += 1
         if self._learnt % _MAP_EVERY == 0 and self._base.place is REFERENCE and self._ground_known:
             fresh = StaticMap.of_features(self._base.features_px, self._base.trust, self._static_map.size)

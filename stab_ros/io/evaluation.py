@@ -16,7 +16,7 @@ from stab_ros.core.types import BoolArray, Frame
 from stab_ros.io.bag import Message
 from stab_ros.io.engine import make_evaluator
 from stab_ros.io.evaluation_streams import Stream, expected_pictures, open_streams
-from stab_ros.io.messages import IMAGE, read_homography, read_image
+from stab_ros.io.messages import IMAGE, read_homography, read_image, read_size
 from stab_ros.io.offline import Progress
 from stab_ros.io.overlap import Stage
 from stab_ros.io.pairing import Pairing
@@ -183,7 +183,7 @@ class _Work:
     def _of_message(self, message: Message) -> list[Arrival]:
         try:
             if message.topic == self._stream.homography:
-                return self._pairing.homography(*read_homography(message.data))
+                return self._pairing.homography(*read_homography(message.data), read_size(message.data))
             self._evaluator.use_reference(read_image(message.data, IMAGE))
         except MessageError:
             self._unread += 1

@@ -160,8 +160,21 @@ def read_homography(cdr: bytes | memoryview) -> tuple[int, Homography | None]:
     return stamp_ns, H
 
 
-def track_cdr(track: Track, header: Header) -> bytes:
-    """DiagnosticArray with the one status of this frame; what is unknown while LOST is an empty string."""
+def read_size(cdr: bytes | memoryview) -> tuple[int, int] | None:
+    """Width and height of a CameraInfo; None where it does not say.
+
+    Raises:
+        MessageError: damaged.
+    """
+    message = cast(ros.sensor_msgs__msg__CameraInfo, _read(cdr, CAMERA_INFO))
+    return (message.width, message.height) if message.width and message.height else None
+
+
+def track_cdr(track: Track, header: Header, offset: tuple[int, int] = (0, 0)) -> bytes:
+    """DiagnosticArray with the one status of this frame; what is unknown while LOST is an empty string.
+
+    offset: where the top left pixel of `image_stabilized` lies in the reference, px.
+    """
     values = {
         "state": track.state.value,
         "reference_stamp_ns": str(track.reference_stamp_ns),
@@ -171,7 +184,7 @@ def track_cdr(track: Track, header: Header) -> bytes:
         "rmse_px": number(track.rmse_px),
         "sigma_px": number(track.sigma_px),
         "covariance": "" if track.covariance is None else _upper_triangle(track.covariance),
-        "offset": "0 0",
+        "offset": f"{offset[0]} {offset[1]}",
         "scale": "1",
     }
     level = OK if track.tracked else WARN

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from stab_ros.core.camera import Camera
 from stab_ros.core.config import Value
-from stab_ros.core.ground_choice import Rival
 from stab_ros.core.parameters import PARAMETERS
+from stab_ros.core.stabilizer import Stabilizer
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import BagWriter
 from stab_ros.io.engine import make_stabilizer
@@ -71,11 +71,11 @@ def stabilize(job: Job, progress: Progress) -> Summary:
         camera = source.camera() if _uses_camera(job.values) else None
         stabilizer = make_stabilizer(job.values, camera)
         total = expected(source.count, job.limit)
-        with _open_outputs(job, source, camera) as outputs:
+        with _open_outputs(job, source, camera, stabilizer.offset) as outputs:
             counts = run(source.items(job.limit), stabilizer, outputs, lambda done: progress(done, total),
                          partial(read_again, job.source, job.image_topic, job.fps, job.limit))
         warnings = (*_replaced(source, outputs.bag.replaced), *source.warnings, *_unused(source, counts),
-                    *_without_reference(source, stabilizer.reference), *_ambiguous(source, stabilizer.rival))
+                    *_without_reference(source, stabilizer.reference), *_remarks(source, stabilizer))
     return Summary(counts.frames, counts.tracked, time.monotonic() - started_s, warnings)
 
 
@@ -96,13 +96,13 @@ def _check_outputs(job: Job) -> None:
 
 
 @contextmanager
-def _open_outputs(job: Job, source: Source, camera: Camera | None) -> Iterator[Outputs]:
+def _open_outputs(job: Job, source: Source, camera: Camera | None, offset: tuple[int, int]) -> Iterator[Outputs]:
     """Leaving on an error, the writers close first, so that what stays behind can be read."""
     with ExitStack() as stack:
         writer = stack.enter_context(BagWriter(job.output, overwrite=job.force))
         table_path = stack.enter_context(completed(job.homographies)) if job.homographies else None
         video_path = stack.enter_context(completed(job.video)) if job.video else None
-        bag = StabilizedBag(writer, source, camera, job.with_image, job.keep_raw)
+        bag = StabilizedBag(writer, source, camera, job.with_image, job.keep_raw, offset)
         table = stack.enter_context(HomographyWriter(table_path)) if table_path else None
         video = stack.enter_context(VideoWriter(video_path, job.fps or source.rate_hz())) if video_path else None
         yield Outputs(bag, table, video)
@@ -119,8 +119,9 @@ def _unused(source: Source, counts: Counts) -> list[str]:
             f"and count as lost; the first: {counts.problem}"]
 
 
-def _ambiguous(source: Source, rival: Rival | None) -> list[str]:
-    return [] if rival is None else [f"{source.name}: {rival}"]
+def _remarks(source: Source, stabilizer: Stabilizer) -> list[str]:
+    """What the stabilizer doubts of its own answers."""
+    return [f"{source.name}: {remark}" for remark in (stabilizer.rival, stabilizer.relief) if remark is not None]
 
 
 def _without_reference(source: Source, reference: Frame | None) -> list[str]:

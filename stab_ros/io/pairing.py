@@ -15,6 +15,7 @@ _REMEMBERED = 100  # frames given out by one half whose other may still come, as
 @dataclass(eq=False)
 class _Entry:
     ref_H_cur: Homography | None
+    reference_size: tuple[int, int] | None
     frame: Frame | None = None
     passed: bool = False  # a later picture has come, so this one's will not
 
@@ -45,14 +46,15 @@ class Pairing:
         """Those whose homography has not come yet."""
         return len(self._pictures)
 
-    def homography(self, stamp_ns: int, ref_H_cur: Homography | None) -> list[Arrival]:
-        """ref_H_cur: None if the frame was lost."""
+    def homography(self, stamp_ns: int, ref_H_cur: Homography | None,
+                   reference_size: tuple[int, int] | None = None) -> list[Arrival]:
+        """ref_H_cur: None if the frame was lost. reference_size: width and height, px, if known."""
         if stamp_ns in self._unpaired:  # too late, its picture has been given out
             self._unpaired.remove(stamp_ns)
             return []
         if stamp_ns in self._answered:  # the recording starts again
             self._answered.clear()
-        self._entries[stamp_ns] = _Entry(ref_H_cur)
+        self._entries[stamp_ns] = _Entry(ref_H_cur, reference_size)
         if stamp_ns in self._pictures:
             return list(self._paired(stamp_ns))
         return list(self._ready())
@@ -95,7 +97,7 @@ class Pairing:
             del self._entries[stamp_ns]
             if entry.frame is None:
                 self._answered.append(stamp_ns)
-            yield Arrival(self._next(), stamp_ns, entry.ref_H_cur, lost, entry.frame)
+            yield Arrival(self._next(), stamp_ns, entry.ref_H_cur, lost, entry.frame, entry.reference_size)
 
     def _beyond_limit(self) -> Iterator[Arrival]:
         while sum(frame.image.nbytes for frame in self._pictures.values()) > self._limit:

@@ -21,7 +21,16 @@ from stab_ros.core.gray import without_colour
 from stab_ros.core.parameters import EVALUATOR_PARAMETERS, evaluator_config
 from stab_ros.core.types import Frame
 from stab_ros.io.engine import make_evaluator
-from stab_ros.io.messages import IMAGE, SECOND_NS, Header, float64_cdr, metrics_cdr, read_homography, read_image
+from stab_ros.io.messages import (
+    IMAGE,
+    SECOND_NS,
+    Header,
+    float64_cdr,
+    metrics_cdr,
+    read_homography,
+    read_image,
+    read_size,
+)
 from stab_ros.io.pairing import Pairing
 from stab_ros.nodes import params
 from stab_ros.nodes.backlog import Backlog
@@ -141,7 +150,7 @@ class EvaluatorNode(StabNode):
         stamp_ns, ref_H_cur = read_homography(cdr)
         if ref_H_cur is None:
             self.status.on_alive(time.monotonic_ns())
-        self._queue(self._pairing.homography(stamp_ns, ref_H_cur))
+        self._queue(self._pairing.homography(stamp_ns, ref_H_cur, read_size(cdr)))
 
     def _on_reference(self, cdr: bytes) -> None:
         self._backlog.add_reference(without_colour(read_image(cdr, IMAGE)), time.monotonic_ns(),

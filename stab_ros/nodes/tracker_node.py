@@ -173,7 +173,7 @@ class TrackerNode(StabNode):
             reference = self.stabilizer.reference
             size = waiting.size if reference is None or track.tracked else reference.size
             self.homography.send(homography_cdr(track, waiting.header, size, camera))
-            self.track.send(track_cdr(track, waiting.header))
+            self.track.send(track_cdr(track, waiting.header, self.stabilizer.offset))
             self.status.on_track(track, time.time_ns() - waiting.source_ns)
 
     def _publish_references(self) -> None:
@@ -224,7 +224,6 @@ class TrackerNode(StabNode):
         self.status.method = str(values["method"])
 
     def _report(self) -> None:
-        rival = self.stabilizer.rival
-        self.status.doubt = "" if rival is None else str(rival)
+        self.status.rival, self.status.relief = self.stabilizer.rival, self.stabilizer.relief
         report = self.status.report(time.monotonic_ns())
         self.report(report.level, report.message, report.values)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from stab_ros.core.ground_choice import Rival
+from stab_ros.core.parallax import Relief
 from stab_ros.core.types import Track
 from stab_ros.io.messages import ERROR, OK, WARN
 from stab_ros.io.text import number
@@ -24,7 +26,8 @@ class TrackerStatus:
     def __init__(self, method: str, stale_ns: int) -> None:
         self.method = method
         self.waiting_for = "image"
-        self.doubt = ""  # what is uncertain about all answers, as one line
+        self.rival: Rival | None = None  # what may be the ground as well
+        self.relief: Relief | None = None  # what shows that the ground is no plane
         self._stale_ns = stale_ns
         self._received = self._tracked = self._lost = self._dropped = self._refused = 0
         self._refusal = ""
@@ -58,8 +61,9 @@ class TrackerStatus:
         state = self._state(now_ns)
         level = {"TRACKED": OK, "STALE": ERROR}.get(state, WARN)
         message = self._message(state, now_ns)
-        if self.doubt:
-            level, message = max(level, WARN), f"{message}; {self.doubt}"
+        for remark in (self.rival, self.relief):
+            if remark is not None:
+                level, message = max(level, WARN), f"{message}; {remark}"
         refusal, self._refusal = self._refusal, ""
         if refusal:
             level, message = max(level, WARN), f"{message}; refused an image: {refusal}"
@@ -97,4 +101,7 @@ class TrackerStatus:
             "sigma_px": number(track.sigma_px if track else None),
             "latency_ms": f"{self._latency_ns / 1e6:.3f}" if track else "",
             "reset_counter": str(track.reset_counter if track else 0),
+            "rival_share": number(self.rival.share if self.rival else None),
+            "parallax_px": number(self.relief.px if self.relief else None),
+            "parallax_deg": number(self.relief.deg if self.relief else None),
         }
