@@ -56,38 +56,81 @@ def test_beyond_the_border_is_black() -> None:
 # --- lens ------------------------------------------------------------------------------------------------------------
 
 K = np.array([[380.0, 0, 203], [0, 381, 148], [0, 0, 1]])
-D = np.array([-0.12, 0.03, 0.001, -0.0015, 0.004])
-LENS = Camera(K, D, "plumb_bob", SIZE)
+LENSES = {
+    "plumb_bob": Camera(K, np.array([-0.12, 0.03, 0.001, -0.0015, 0.004]), "plumb_bob", SIZE),
+    "rational_polynomial": Camera(K, np.array([0.25, -0.05, 0.001, -0.001, 0.01, 0.37, 0.02, -0.01]),
+                                  "rational_polynomial", SIZE),
+    "equidistant": Camera(K, np.array([-0.03, 0.012, -0.004, 0.001]), "equidistant", SIZE),
+}
+LENS = LENSES["plumb_bob"]
 
 
-def plumb_bob(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Where the lens shows the ideal pixels: the model of sensor_msgs/distortion_models.hpp written out."""
-    k1, k2, p1, p2, k3 = D
+def seen_by(lens: Camera, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Where the lens shows the ideal pixels: the models of sensor_msgs/distortion_models.hpp written out."""
     u, v = (x - K[0, 2]) / K[0, 0], (y - K[1, 2]) / K[1, 1]
     r2 = u**2 + v**2
-    radial = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
+    if lens.model == "equidistant":
+        theta = np.arctan(np.sqrt(r2))
+        bent = theta * (1 + sum(k * theta ** (2 * n + 2) for n, k in enumerate(lens.D)))
+        scale = bent / np.maximum(np.sqrt(r2), 1e-12)
+        return u * scale * K[0, 0] + K[0, 2], v * scale * K[1, 1] + K[1, 2]
+    k1, k2, p1, p2, k3, k4, k5, k6 = np.pad(lens.D, (0, 8 - len(lens.D)))
+    radial = (1 + k1 * r2 + k2 * r2**2 + k3 * r2**3) / (1 + k4 * r2 + k5 * r2**2 + k6 * r2**3)
     seen_u = u * radial + 2 * p1 * u * v + p2 * (r2 + 2 * u**2)
     seen_v = v * radial + p1 * (r2 + 2 * v**2) + 2 * p2 * u * v
     return seen_u * K[0, 0] + K[0, 2], seen_v * K[1, 1] + K[1, 2]
 
 
 @cache
-def ideal_px(dx: float, dy: float) -> tuple[FloatArray, FloatArray]:
+def ideal_px(model: str, dx: float, dy: float) -> tuple[FloatArray, FloatArray]:
     """Where each pixel, off by (dx, dy), would lie without distortion: by fixed-point iteration."""
     seen_x, seen_y = np.meshgrid(np.arange(SIZE[0]) + dx, np.arange(SIZE[1]) + dy)
     x, y = seen_x, seen_y
-    for _ in range(20):
-        back_x, back_y = plumb_bob(x, y)
+    for _ in range(30):
+        back_x, back_y = seen_by(LENSES[model], x, y)
         x, y = x + seen_x - back_x, y + seen_y - back_y
     return x, y
 
 
-def distorted(ref_H_cur: Homography, noise: float = 1.0) -> Gray:
+def distorted(ref_H_cur: Homography, noise: float = 1.0, model: str = "plumb_bob") -> Gray:
     """What the camera with the lens sees."""
     quarters = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
-    total = np.sum([sampled(ref_H_cur, *ideal_px(dx, dy), SIZE, 1) for dx, dy in quarters], axis=0)
+    total = np.sum([sampled(ref_H_cur, *ideal_px(model, dx, dy), SIZE, 1) for dx, dy in quarters], axis=0)
     grain = np.random.default_rng([3, *ref_H_cur.tobytes()]).normal(0, noise, total.shape)
     return np.asarray(np.clip(np.round(total / 4 + grain), 0, 255), np.uint8)
+
+
+@pytest.mark.parametrize("model", ["rational_polynomial", "equidistant"])
+def test_every_lens_is_removed(model: str) -> None:
+    H, lens = similarity(4.0, 1.02, 9.0, -7.0), LENSES[model]
+    images = [distorted(IDENTITY, model=model), distorted(H, model=model)]
+    blind, knowing = make_stabilizer({}), make_stabilizer({}, lens)
+    tracks = [[s.track(frame(image, index)) for index, image in enumerate(images)][1] for s in (blind, knowing)]
+    assert error_px(tracks[1], H) < 0.03
+    assert not tracks[0].tracked or error_px(tracks[0], H) > 0.2
+    warped = knowing.warp(frame(images[1], 1), tracks[1])
+    assert warped is not None
+    truth = picture(noise=0)
+    assert np.abs(warped[INNER].astype(int) - truth[INNER].astype(int)).mean() < 0.15 * truth.std()
+
+
+def test_what_the_lens_does_not_show_is_black_and_holds_no_feature() -> None:
+    """Strong barrel distortion: the corners of the straightened picture lie beyond what was taken."""
+    lens = Camera(np.array([[260.0, 0, 200], [0, 260, 150], [0, 0, 1]]), np.array([-0.45, 0.0, 0.0, 0.0]), "plumb_bob",
+                  SIZE)
+    straight = lens.undistort(np.full(SIZE[::-1], 200, np.uint8))
+    x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
+    r = np.hypot((x - 200) / 260, (y - 150) / 260)
+    folded = r > np.sqrt(1 / (3 * 0.45))  # there r (1 - 0.45 r^2) falls again
+    assert folded.any()
+    assert not straight[folded & (r > 0.9)].any()
+    assert not lens.visible[folded].any()
+    stabilizer = make_stabilizer({}, lens)
+    stabilizer.track(frame(picture()))
+    stabilizer.track(frame(picture(translation(0.5, 0.25)), 1))
+    assert stabilizer.last_match is not None
+    column, row = stabilizer.last_match[0].reference_px.astype(int).T
+    assert lens.visible[row, column].all()
 
 
 @pytest.mark.parametrize("method", list(METHODS))
@@ -106,7 +149,7 @@ def test_the_warp_undoes_distortion_too() -> None:
     image = distorted(H, noise=0)
     done = stabilizer.step(frame(image, 1))
     assert done.image is not None
-    in_two_steps = cv2.warpPerspective(cv2.undistort(image, K, D), done.track.ref_H_cur, SIZE)
+    in_two_steps = cv2.warpPerspective(cv2.undistort(image, K, LENS.D), done.track.ref_H_cur, SIZE)
     truth = picture(noise=0)
     one, two = (np.abs(i[INNER].astype(int) - truth[INNER].astype(int)) for i in (done.image, in_two_steps))
     assert np.abs(done.image[INNER].astype(int) - in_two_steps[INNER].astype(int)).mean() < 3
@@ -115,7 +158,7 @@ def test_the_warp_undoes_distortion_too() -> None:
 
 
 def test_the_camera_must_fit_the_frames() -> None:
-    stabilizer = make_stabilizer({}, Camera(K, D, "plumb_bob", (640, 480)))
+    stabilizer = make_stabilizer({}, Camera(K, LENS.D, "plumb_bob", (640, 480)))
     with pytest.raises(InputError, match="camera_info is for 640x480 px, the images have 400x300"):
         stabilizer.track(frame(picture()))
 
@@ -137,7 +180,8 @@ def test_a_camera_without_distortion_changes_nothing() -> None:
     (np.eye(2), np.zeros(5), "plumb_bob", "3x3"),
     (np.diag([np.nan, 300, 1]), np.zeros(5), "plumb_bob", "finite"),
     (K, np.array([np.inf, 0, 0, 0, 0]), "plumb_bob", "finite"),
-    (K, np.full(4, 0.1), "equidistant", "equidistant.*plumb_bob"),
+    (K, np.full(4, 0.1), "omnidirectional", "omnidirectional.*plumb_bob"),
+    (K, np.full(5, 0.1), "equidistant", "5 coefficients do not fit"),
     (K, np.full(7, 0.1), "plumb_bob", "7 coefficients do not fit"),
 ])
 def test_impossible_cameras_are_refused(K_: FloatArray, D_: FloatArray, model: str, complaint: str) -> None:
@@ -154,11 +198,12 @@ def test_image_proc_makes_the_same_picture_of_our_camera_info(camera: Camera | N
     done = stabilizer.step(frame(image, 1))
     assert done.image is not None
     if camera is None:  # the contract's camera_info: H = P[:, :3] R K^-1, here with R = H, K = P = I
-        K_, D_, R, P = np.eye(3), np.zeros(5), done.track.ref_H_cur, np.eye(3)
+        K_, R, P = np.eye(3), done.track.ref_H_cur, np.eye(3)
     else:
-        K_, D_, P = K, D, K
+        K_, P = K, K
         assert done.track.ref_H_cur is not None
         R = np.linalg.inv(K) @ done.track.ref_H_cur @ K
+    D_ = np.zeros(5) if camera is None else LENS.D
     maps = cv2.initUndistortRectifyMap(K_, D_, R, P, SIZE, cv2.CV_16SC2)
     rectified = cv2.remap(image, *maps, cv2.INTER_LINEAR)
     difference = np.abs(rectified[INNER].astype(int) - done.image[INNER].astype(int))
