@@ -42,7 +42,9 @@ class Sample:
 
 
 def _fog(picture: Gray) -> Gray:
-    return np.asarray(picture / 3.0 + 120, np.uint8)
+    """A third of the contrast, under the noise of the sensor."""
+    noise = np.random.default_rng(int(picture[:8].sum())).normal(0, 2, picture.shape)
+    return np.asarray(np.clip(picture / 3.0 + 120 + noise, 0, 255), np.uint8)
 
 
 def _jpeg(picture: Gray) -> Gray:
@@ -60,6 +62,7 @@ def _moved(picture: Gray) -> Gray:
 SEQUENCES = (
     *(Sample(f"{name}, seed {seed}", name, seed=seed) for name in ("kolubara", "alpine", "basento")
       for seed in (1, 2, 3)),
+    *(Sample(f"{name}, 480x270", name, (480, 270), 11) for name in ("kolubara", "alpine")),
     *(Sample(f"{name}, 1920x1080", name, HD, 4) for name in ("kolubara", "alpine", "basento")),
     Sample("kolubara, 4096x2160", size=UHD, seed=5),
     *(Sample(f"{name}, noise {noise:g}", name, noise=noise, seed=6) for name in ("kolubara", "alpine")

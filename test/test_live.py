@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from conftest import Command
 from diagnostic_msgs.msg import DiagnosticArray
+from flights import moved, trap
 from live_graph import Graph, image_message, stamp_ns, values_of
 from rcl_interfaces.srv import GetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -19,7 +20,8 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import Trigger
 
-from stab_ros.core.synthetic import Shot
+from stab_ros.core.camera_path import Gust, Pose
+from stab_ros.core.synthetic import Flight, Shot
 from stab_ros.io.bag import open_bag
 from stab_ros.io.messages import read_homography, read_stamp
 
@@ -253,3 +255,27 @@ def test_debug_image_is_made_for_who_listens(graph: Graph, flight: list[Shot]) -
     graph.until(lambda: pictures and stamp_ns(pictures[-1]) == 1, "the debug picture")
     height, width = flight[0].image.shape
     assert (pictures[-1].height, pictures[-1].width, pictures[-1].encoding) == (height, width, "bgr8")
+
+
+def test_the_static_map_is_latched_and_ambiguous_ground_is_told(graph: Graph) -> None:
+    """One bank, rigid water, a camera that drifts with it: answered, with a doubt that the operator hears of."""
+    scene = moved(trap("kolubara", 0.3, 0.0, width=1.2, centre=0.9), Gust(-1.5, 4.0, Pose(x_m=1.0)))
+    flight = Flight(scene, (480, 270), 40, seed=3)
+    diagnostics = graph.listen(DiagnosticArray, "/diagnostics")
+    answers = graph.listen(CameraInfo, "/homography")
+    graph.start("tracker_node", queue_depth=0, wait_for_subscribers=1)
+    camera = graph.speak(Image, "/image_raw")
+    graph.until(lambda: camera.get_subscription_count() == 1, "the tracker listens")
+    for shot in flight:
+        camera.publish(image_message(shot.image, shot.stamp_ns))
+    graph.until(lambda: len(answers) == len(flight), "every frame answered")
+    assert [stamp_ns(one) for one in answers] == [shot.stamp_ns for shot in flight]
+
+    maps = graph.listen(Image, "/tracker_node/static_map", LATCHED)
+    graph.until(lambda: maps, "the map, although it came before us")
+    assert (maps[0].width, maps[0].height, maps[0].encoding) == (480, 270, "mono8")
+    assert set(maps[0].data) == {0, 255}
+    graph.until(lambda: any("ambiguous" in one.status[0].message for one in diagnostics), "the doubt")
+    told = next(one for one in diagnostics if "ambiguous" in one.status[0].message)
+    assert told.status[0].level == b"\x01"
+    assert 0.1 < float(values_of(told)["rival_share"]) < 0.9

@@ -104,13 +104,14 @@ def variances_along(H: Homography, reference: FloatArray, current: FloatArray, i
 
 @kernel()
 def accumulate(H: Homography, reference: FloatArray, current: FloatArray, information: FloatArray, weight: FloatArray,
-               centre: FloatArray, radius: float, k: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+               centre: FloatArray, radius: float, k: int,
+               scores: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Sums over the features of w J^T Omega J (k, k) and of w J^T Omega e (k,), and the variance of the latter.
 
-    That variance comes twice, (k, k): as the information claims it, sum of w^2 J^T Omega J, and as the residuals show
-    it, sum of the outer products.
+    That variance, (k, k), is what the information claims: the sum of w^2 J^T Omega J. The terms of the second sum go
+    into `scores`, (N, k), unless that has no rows.
     """
-    normal, right, claimed, shown = np.zeros((k, k)), np.zeros(k), np.zeros((k, k)), np.zeros((k, k))
+    normal, right, claimed = np.zeros((k, k)), np.zeros(k), np.zeros((k, k))
     along_x, along_y, weighted_x, weighted_y, score = np.empty(8), np.empty(8), np.empty(8), np.empty(8), np.empty(8)
     for i in range(len(current)):
         if weight[i] <= 0:
@@ -135,11 +136,12 @@ def accumulate(H: Homography, reference: FloatArray, current: FloatArray, inform
                 both = weighted_x[a] * along_x[b] + weighted_y[a] * along_y[b]
                 normal[a, b] += both
                 claimed[a, b] += weight[i] * both
-                shown[a, b] += score[a] * score[b]
+            if len(scores):
+                scores[i, a] = score[a]
     for a in range(k):
         for b in range(a):
-            normal[b, a], claimed[b, a], shown[b, a] = normal[a, b], claimed[a, b], shown[a, b]
-    return normal, right, claimed, shown
+            normal[b, a], claimed[b, a] = normal[a, b], claimed[a, b]
+    return normal, right, claimed
 
 
 @kernel()
@@ -207,10 +209,11 @@ def polish(H: Homography, reference: FloatArray, current: FloatArray, informatio
            trust: FloatArray, noise: FloatArray, table: FloatArray, beyond: float, threshold_px: float,
            centre: FloatArray, radius: float, k: int, steps: int, converged_px: float) -> tuple[bool, Homography]:
     """At most `steps` steps from H, re-weighted by `table`; False where they lead nowhere."""
+    no_scores = np.empty((0, k))
     for _ in range(steps):
         relative = squared_residuals(H, reference, current, shape) / (threshold_px**2 + noise)
         weight = weigh(relative, table, beyond) * trust
-        normal, right, _claimed, _shown = accumulate(H, reference, current, information, weight, centre, radius, k)
+        normal, right, _claimed = accumulate(H, reference, current, information, weight, centre, radius, k, no_scores)
         found, delta = solve(normal, right)
         if not found:
             return False, H

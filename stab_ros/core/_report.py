@@ -13,6 +13,7 @@ from stab_ros.core.types import BoolArray, Fit, FloatArray, Homography
 # Between the errors of any two features. Measured: over the sequences of docs/uncertainty.md it brings the median of
 # error over sigma near its expectation; between patches 40 to 160 px apart it was found to be 0 to 0.01 directly.
 _COMMON_CORRELATION = 0.0018
+_CELLS = 10  # across and down: larger than a patch, and enough of them to tell a variance
 
 
 def measured(problem: Problem, kernel: Kernel, H: Homography) -> Fit | None:
@@ -55,14 +56,29 @@ def covariance_of(problem: Problem, weight: FloatArray, H: Homography, least: fl
     `least`, and times what all features share. None where the features that count determine nothing.
     """
     pairs, basis = problem.pairs, problem.basis
-    normal, right, claimed, shown = gn.accumulate(H, pairs.reference_px, pairs.current_px, pairs.information, weight,
-                                                  basis.centre, basis.radius, PARAMETERS[basis.model])
+    scores = np.zeros((len(pairs), PARAMETERS[basis.model]))
+    normal, right, claimed = gn.accumulate(H, pairs.reference_px, pairs.current_px, pairs.information, weight,
+                                           basis.centre, basis.radius, PARAMETERS[basis.model], scores)
     if not gn.solve(normal, right)[0]:
         return None
-    inverse = np.linalg.inv(normal)
+    inverse, shown = np.linalg.inv(normal), _shown(scores, weight, pairs.reference_px)
     excess = max(least, float(np.trace(inverse @ shown)) / float(np.trace(inverse @ claimed)))
     to_entries = basis.entry_jacobian(H) @ inverse
     return np.asarray(to_entries @ (claimed * excess * _shared(weight)) @ to_entries.T)
+
+
+def _shown(scores: FloatArray, weight: FloatArray, places_px: FloatArray) -> FloatArray:
+    """(k, k) variance of the sum of the scores (N, k), by their sums over cells of the picture.
+
+    Neighbours may err alike, as patches that overlap do, but not across the picture (cluster-robust, Liang and Zeger
+    1986).
+    """
+    low, high = places_px.min(axis=0), places_px.max(axis=0)
+    cell = ((places_px - low) / np.maximum(high - low, 1e-9) * _CELLS).astype(int).clip(0, _CELLS - 1)
+    index = cell[:, 1] * _CELLS + cell[:, 0]
+    sums = np.stack([np.bincount(index, column, _CELLS * _CELLS) for column in scores.T], axis=1)
+    cells, k = np.count_nonzero(np.bincount(index[weight > 0])), scores.shape[1]
+    return np.asarray(sums.T @ sums * (cells / (cells - k) if cells > 2 * k else 1.0))
 
 
 def _shared(weight: FloatArray) -> float:
