@@ -11,6 +11,7 @@ from flights import SIZE, fly, moved
 from truth import frame, picture, translation
 
 from stab_ros.core.camera_path import Gust, Pose
+from stab_ros.core.config import Value
 from stab_ros.core.errors import ConfigError
 from stab_ros.core.geometry import rms_distance
 from stab_ros.core.synthetic import Flight, preset
@@ -79,7 +80,7 @@ def test_settings_may_change_on_the_way() -> None:
     """The reference is still known: the loop is closed on the way back."""
     flight, stabilizer = traverse("kolubara", 1.0), make_stabilizer({"reference": "adjacent"})
     middle = int(16 * (1.2 + AWAY_S))
-    changes = {middle: KEYFRAME, middle + 4: {**KEYFRAME, "direct.patches": 900}}
+    changes: dict[int, dict[str, Value]] = {middle: {**KEYFRAME}, middle + 4: {**KEYFRAME, "direct.patches": 900}}
     for shot in flight:
         if shot.index in changes:
             reconfigure(stabilizer, changes[shot.index])
