@@ -61,7 +61,7 @@ class StabilizerConfig(Checked):
     reference: str = setting("fixed", "what frames are compared with: the first one; a later one whose features are "
                              "carried to the first; the one before, in a chain; or a keyframe, where the view leaves "
                              "the first", choices=REFERENCES)
-    max_keyframes: int = setting(16, "with `reference` keyframe: so many are kept, the far ones are forgotten", 2, 1000)
+    max_keyframes: int = setting(16, "with `reference` keyframe: so many are kept, the far ones are forgotten", 3, 1000)
     update_every: int = setting(1, "with `reference` updated: after so many frames features are found anew", 1, 100000)
     on_lost: str = setting("drop", "image_stabilized of a lost frame: none, the last homography, or unwarped",
                            choices=("drop", "hold", "pass"))
@@ -244,7 +244,8 @@ class Stabilizer:
         if len(base.features_px) < config.min_inliers:
             raise InputError(f"{config.method} finds fewer than {config.min_inliers} features in the reference, "
                              "roi and exclude must leave more texture")
-        self._take(base, allowed, config)
+        first = config.reference == "keyframe" and base.place is not REFERENCE
+        self._take(base, allowed, config, reference_base(reference.gray, *what) if first else base)
 
     @property
     def keyframes(self) -> int:
@@ -320,7 +321,7 @@ class Stabilizer:
             return self._lost(index, frame.stamp_ns, 0)
         self._static_map, self._doubt = self._given_map or StaticMap.of_mask(allowed), None
         self._ground_known = self._given_map is not None
-        self._take(base, allowed, config)
+        self._take(base, allowed, config, base)
         self._parallax = Parallax(frame.size)
         self._reference = reference
         self._motion = Motion(np.eye(3), frame.stamp_ns)
@@ -346,10 +347,15 @@ class Stabilizer:
         self._motion = self._motion.standing()
         return self._lost(opening.index, opening.stamp_ns, len(opening.pairs))
 
-    def _take(self, base: Base, allowed: BoolArray, config: StabilizerConfig) -> None:
+    def _take(self, base: Base, allowed: BoolArray, config: StabilizerConfig, first: Base) -> None:
+        """first: of the keyframes, so that a loop can be closed; the same as `base` unless that is a later one."""
         self._base, self._allowed, self._base_age = self._informed(base), allowed, 0
-        keyframes = config.reference == "keyframe"
-        self._keyframes = Keyframes(self._base, base.size, config.max_keyframes) if keyframes else None
+        self._keyframes = None
+        if config.reference == "keyframe":
+            self._keyframes = Keyframes(self._informed(first), base.size, config.max_keyframes)
+            if first is not base:
+                self._keyframes.add(base)
+                self._keyframes.take(base)
         self._last_match = None
 
     def _informed(self, base: Base) -> Base:
@@ -380,7 +386,8 @@ class Stabilizer:
         self._keyframes.take(self._base)
         _, seen = before.align(gray, fit.ref_H_cur, self._solve, chain=False)
         if seen is not None and self._accepts(seen, 0.0, before.size):
-            placed = dataclasses.replace(fit, covariance=self._base.place.accumulated(fit, before.size))
+            both = self._base.place.accumulated(fit, before.size) + seen.covariance  # two comparisons of one frame
+            placed = dataclasses.replace(fit, covariance=both)
             self._keyframes.correct(before, before.place.to_base(seen.ref_H_cur), placed)
 
     def _align(self, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
