@@ -49,7 +49,7 @@ def _of_preset(scene: Scene) -> dict[str, Errors]:
     with tempfile.TemporaryDirectory() as folder:
         mask = _written(scene.water, Path(folder) / "water.png")
         settings: dict[str, dict[str, Value]] = {DIRECT: {}, EXCLUDE: {"exclude": str(mask)}, KLT: {"method": "klt"}}
-        errors = {name: _errors(name, _engine(values), scene, 1) for name, values in settings.items()}
+        errors = {name: _errors(name, _engine(values, scene), scene, 1) for name, values in settings.items()}
     for recipe in (peers.orb_ransac(), peers.sift_magsac()):
         errors[recipe.name] = _errors(recipe.name, _peer(Peer(recipe, scene.frames[0].image)), scene, _PEER_EVERY)
     return errors
@@ -60,9 +60,12 @@ def _written(mask: BoolArray, path: Path) -> Path:
     return path
 
 
-def _engine(values: Mapping[str, Value]) -> Register:
+def _engine(values: Mapping[str, Value], scene: Scene) -> Register:
+    """As the command answers, the start included."""
     stabilizer = make_stabilizer(values)
-    return lambda frame: stabilizer.track(frame).ref_H_cur
+    tracks = [track for frame in scene.frames for track in stabilizer.answers(frame)] + stabilizer.finish()
+    found = {track.stamp_ns: track.ref_H_cur for track in tracks}
+    return lambda frame: found[frame.stamp_ns]
 
 
 def _peer(peer: Peer) -> Register:

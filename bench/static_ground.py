@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
+import cv2
 import numpy as np
 from effort import Effort
 from scenes import HD, SEED
@@ -21,6 +23,7 @@ from stab_ros.core.synthetic import Flight, preset
 from stab_ros.core.types import FloatArray, Frame
 from stab_ros.io.engine import make_stabilizer
 
+PICTURE = Path(__file__).resolve().parents[1] / "docs" / "images" / "static_map.png"
 _TRAVERSE_S, _REST_S = 10.0, 0.6
 _FAR = 3.0  # frame widths
 
@@ -86,7 +89,21 @@ def measure(effort: Effort) -> Section:
                 "resets")
         tables.append(Table(title, head, [_row(name, course) for name, course in rows.items()]))
         data[title] = {name: course.data() for name, course in rows.items()}
+    if effort.plots:
+        draw_map(Flight(trap("kolubara", 0.3, Pose()), (960, 540), 30, SEED))
     return Section("Static ground", tables, data)
+
+
+def draw_map(flight: Flight) -> None:
+    """The reference, and beside it the same with all that was not found to be ground darkened and blue."""
+    stabilizer = make_stabilizer({})
+    for shot in flight:
+        stabilizer.answers(Frame(shot.image, "mono8", shot.stamp_ns))
+    assert stabilizer.static_map is not None
+    plain = cv2.cvtColor(flight[0].image, cv2.COLOR_GRAY2BGR)
+    drawn, water = plain.copy(), stabilizer.static_map.picture() < 128
+    drawn[water] = drawn[water] // 2 + np.array([90, 30, 0], np.uint8)
+    cv2.imwrite(str(PICTURE), np.hstack([plain, drawn])[::2, ::2])
 
 
 def _row(name: str, one: Course) -> tuple[str, ...]:

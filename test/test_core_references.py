@@ -47,7 +47,7 @@ def test_a_path_is_followed_within_a_few_sigma(method: str, reference: str) -> N
         assert (track.reset_counter, track.reference_stamp_ns) == (0, tracks[0].stamp_ns)
 
 
-@every_accumulating
+@pytest.mark.parametrize("reference", ["updated", "adjacent"])
 def test_sigma_grows_from_frame_to_frame(reference: str) -> None:
     images = [picture(H) for H in PATH]
     growing, fixed = (sigmas(tracked(images, reference=name)) for name in (reference, "fixed"))
@@ -93,7 +93,7 @@ def test_homographies_stay_in_the_model(reference: str, model: str) -> None:
         np.testing.assert_allclose(H[:2, :2], np.eye(2), atol=1e-12)
 
 
-@every_accumulating
+@pytest.mark.parametrize("reference", ["updated", "adjacent"])
 def test_a_turn_that_the_reference_cannot_follow(reference: str) -> None:
     """Windows that are only shifted are not found again turned by 50 degrees, but from frame to frame they are."""
     path = [similarity(5.0 * k, 1.0) for k in range(11)]

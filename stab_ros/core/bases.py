@@ -166,7 +166,11 @@ class Base:
     def share_in_view(self, ref_H_cur: Homography) -> float:
         """How much of the trusted features a frame there shows, in [0, 1]."""
         total = float(self.trust.sum())
-        return float(self.trust[self._in_view(ref_H_cur)].sum()) / total if total > 0 else 0.0
+        return self.in_view(ref_H_cur) / total if total > 0 else 0.0
+
+    def in_view(self, ref_H_cur: Homography) -> float:
+        """How many trusted features lie in a frame there."""
+        return float(self.trust[self._in_view(ref_H_cur)].sum())
 
     def expected(self, pairs: Correspondences, ref_H_cur: Homography) -> float:
         """How many trusted features a frame there should show.
@@ -175,7 +179,7 @@ class Base:
         """
         if not self._method.seeks_all:
             return _RIGHT_MATCHES * float(self._features.trust[pairs.feature_id].sum())
-        return float(self._features.trust[self._in_view(ref_H_cur)].sum())
+        return self.in_view(ref_H_cur)
 
     def learn(self, pairs: Correspondences, fit: Fit) -> None:
         """Remember which features agreed with an accepted fit."""

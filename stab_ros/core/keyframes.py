@@ -68,6 +68,11 @@ class Keyframes:
         """Whether a frame there should become a keyframe: no keyframe shows most of it."""
         return max(one.base.share_in_view(ref_H_cur) for one in self._all) < _NEW
 
+    @property
+    def bases(self) -> list[Base]:
+        """All of them, the reference first."""
+        return [one.base for one in self._all]
+
     def add(self, base: Base) -> None:
         """A keyframe placed by the current base; the farthest from it is forgotten if there are too many."""
         sigma = sigma_px(base.place.ref_H_base, base.place.covariance, self._size)

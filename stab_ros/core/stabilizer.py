@@ -185,7 +185,7 @@ class Stabilizer:
                 self._close_loop(before, gray, fit)
                 self._learn(pairs, fit)
                 track = self._tracked(index, frame.stamp_ns, pairs, fit, frame.size)
-                self._move_base(gray, Place(fit.ref_H_cur, self._base.place.accumulated(fit, frame.size)))
+                self._move_base(gray, fit)
                 self._reconsider(fit.ref_H_cur, frame.stamp_ns)
                 return track
         self._base, self._motion = before, self._motion.standing()
@@ -439,15 +439,16 @@ class Stabilizer:
         if verdict is Verdict.TURNED:
             self._static_map = doubt.rival_map
             self._motion = Motion(doubt.by_rival(ref_H_cur, stamp_ns), stamp_ns)
-            self._base.believe(doubt.rival_map)
+            for base in self._keyframes.bases if self._keyframes else [self._base]:
+                base.believe(doubt.rival_map)
             self._references += 1  # what was answered before does not belong to what follows
 
-    def _move_base(self, gray: Gray, place: Place) -> None:
+    def _move_base(self, gray: Gray, fit: Fit) -> None:
         """The frame just tracked becomes the base if it is time for that; the old one goes on if it cannot."""
         self._base_age += 1
-        if not self._wants_base(place.ref_H_base):
+        if not self._wants_base(fit.ref_H_cur):
             return
-        config = self._config
+        config, place = self._config, Place(fit.ref_H_cur, self._base.place.accumulated(fit, self._base.size))
         base = make_base(gray.copy(), place, config.method, config.method_config, self._allowed, self._points_px)
         if len(base.features_px) < config.min_inliers:
             return
