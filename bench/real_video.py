@@ -52,15 +52,22 @@ def _frames(limit: int | None) -> Iterator[Frame]:
 
 def _answers(effort: Effort) -> Iterator[Answers]:
     """For each frame the homography by all patches, by either half of them, and of some by SIFT."""
-    engines = {subset: make_stabilizer({"direct.subset": subset}) for subset in ("all", "even", "odd")}
+    engines = {subset: _tracked(effort, subset) for subset in ("all", "even", "odd")}
     peer: Peer | None = None
     for number_, frame in enumerate(_frames(effort.video)):
-        answer = {subset: engine.track(frame).ref_H_cur for subset, engine in engines.items()}
+        answer = {subset: tracked[number_] for subset, tracked in engines.items()}
         if number_ % effort.sift_every == 0:
             gray = to_gray(frame)
             peer = peer or Peer(sift_magsac(), gray)
             answer["sift"] = peer.ref_H_cur(gray)
         yield answer
+
+
+def _tracked(effort: Effort, subset: str) -> list[Homography | None]:
+    """As the command answers, the start included: there all patches are followed, so the halves differ after it."""
+    stabilizer = make_stabilizer({"direct.subset": subset})
+    tracks = [track for frame in _frames(effort.video) for track in stabilizer.answers(frame)] + stabilizer.finish()
+    return [track.ref_H_cur for track in tracks]
 
 
 def _distances(answers: list[Answers], one: str, other: str) -> list[float]:
