@@ -109,6 +109,17 @@ def test_stamps_that_stand_still_do_not_defer_for_ever() -> None:
     assert sum(answered) >= 120
 
 
+def test_a_reset_within_the_start_answers_what_came_before() -> None:
+    stabilizer = make_stabilizer({})
+    for number in range(4):
+        stabilizer.answers(frame(picture(translation(0.3 * number, 0.0)), number))
+    stabilizer.reset_reference()
+    tracks = stabilizer.answers(frame(picture(), 4))
+    assert [(track.index, track.tracked, track.reset_counter) for track in tracks] == [
+        (1, True, 0), (2, True, 0), (3, True, 0), (4, True, 1)]
+    assert [track.reference_stamp_ns for track in tracks] == [1_000_000_000] * 3 + [1_160_000_000]
+
+
 # --- the map as a file -----------------------------------------------------------------------------------------------
 
 

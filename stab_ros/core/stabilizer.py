@@ -112,7 +112,6 @@ class Stabilizer:
         self._config, self._area, self._points_px, self._camera = config, area or Area(), points_px, camera
         self._given_map = static_map
         self._reference: Reference | None = None
-        self._reset = False
         self._deferral: Deferral | None = None
         self._doubt: Doubt | None = None
         self._last_match: tuple[Correspondences, Fit | None] | None = None
@@ -156,12 +155,16 @@ class Stabilizer:
 
     def finish(self) -> list[Track]:
         """The answers that are still deferred, by what has been seen so far."""
-        if self._deferral is None:
+        deferral, self._deferral = self._deferral, None
+        if deferral is None:
             return []
-        outcome, self._deferral = self._deferral.outcome(), None
+        outcome = deferral.outcome()
         self._static_map, self._ground_known, self._doubt = outcome.static_map, True, outcome.doubt
         self._base.believe(self._static_map)
-        return [self._opened(opening, outcome) for opening in outcome.openings]
+        kept, self._reference = self._reference, deferral.reference  # which may have been given up meanwhile
+        tracks = [self._opened(opening, outcome) for opening in outcome.openings]
+        self._reference = kept
+        return tracks
 
     def track(self, frame: Frame) -> Track:
         """Where the frame lies in the reference; the first textured frame, and one of another size, becomes it.
@@ -246,6 +249,8 @@ class Stabilizer:
                              "roi and exclude must leave more texture")
         first = config.reference == "keyframe" and base.place is not REFERENCE
         self._take(base, allowed, config, reference_base(reference.gray, *what) if first else base)
+        if not self._ground_known:
+            self._static_map = StaticMap.of_mask(allowed)
 
     @property
     def keyframes(self) -> int:

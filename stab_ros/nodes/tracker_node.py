@@ -60,8 +60,8 @@ class TrackerSettings(Checked):
 
 
 SETTINGS = params.table_of(TrackerSettings)
-# everything of the engine but the camera, which is fixed once the first frame has been taken
-CHANGEABLE = frozenset(PARAMETERS) - {"use_camera_info"}
+# everything of the engine but the camera and the map, which are fixed once the first frame has been taken
+CHANGEABLE = frozenset(PARAMETERS) - {"use_camera_info", "static_map"}
 
 
 @dataclass(frozen=True)
