@@ -69,7 +69,7 @@ SEQUENCES = (
       for noise in (0.0, 6.0)),
     *(Sample(f"{name}, {what}", name, spoil=spoil, seed=7) for name in ("kolubara", "alpine") for what, spoil in
       (("fog", _fog), ("JPEG 85", _jpeg), ("soft", _soft), ("motion blur 9 px", _moved))),
-    *(Sample(f"{name}, 100 patches", name, seed=8, values={"direct.patches": 100})
+    *(Sample(f"{name}, 100 patches", name, seed=8, values={"direct.patches": 100, "start_s": 0.0})
       for name in ("kolubara", "alpine", "basento")),
     *(Sample(f"{name}, one bank", name, seed=9, half=half)
       for name, half in (("kolubara", 0), ("kolubara", 1), ("alpine", 1), ("basento", 1))),

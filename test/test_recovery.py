@@ -119,6 +119,14 @@ def test_another_river_is_lost(flight: Flight) -> None:
     assert flown.lost == list(range(FIRST, FRAMES))
 
 
+def test_too_much_blur_is_lost_and_not_wrong(flight: Flight) -> None:
+    """Six px of Gaussian blur: patches are still found near by, but each where its own texture leans to."""
+    flown = fly(make_stabilizer({}), flight, lambda number, image: np.asarray(cv2.GaussianBlur(image, (0, 0), 6.0))
+                if FIRST <= number < FIRST + 5 else image)
+    assert np.nanmax(flown.error_px) < 1.0
+    assert not set(flown.lost) - set(range(FIRST, FIRST + 5))
+
+
 # --- the search by features alone ------------------------------------------------------------------------------------
 
 

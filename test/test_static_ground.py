@@ -66,6 +66,16 @@ def test_a_camera_that_goes_with_the_water_is_told_of() -> None:
     assert counters[1] == counters[0] + wrong.any()
 
 
+def test_blur_is_no_rival() -> None:
+    """A sharp reference and blurred frames: edges are set off by a pixel, but they stay there."""
+    stabilizer = make_stabilizer({})
+    flown = fly(stabilizer, Flight(preset("alpine"), (960, 540), 9, seed=7),
+                lambda number, image: np.asarray(cv2.blur(image, (9, 1)), np.uint8) if number else image)
+    assert stabilizer.rival is None
+    assert np.nanmax(flown.sigma_px) < 0.2
+    assert np.nanmax(flown.error_px) < 0.2
+
+
 def test_what_is_answered_late_is_what_was_asked() -> None:
     flight = Flight(preset("kolubara"), SIZE, 30)
     stabilizer, known = make_stabilizer({}), []

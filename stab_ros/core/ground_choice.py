@@ -31,6 +31,7 @@ _MOST_BY_DRIFT = 1.0  # after a second; evidence grows with time
 _HOVERING = 0.0015  # of the picture's width: a hovering camera drifts that much while a start lasts
 _AMBIGUOUS = 1.65  # odds of 5 to 1, more than drift and size alone can give
 _APART_PX = 1.0  # planes that part by less are no different choice
+_UNSTEADY = 0.3  # of the way that two planes part, at most, is not in proportion to the time
 _LEAST_SHARE = 0.1  # of both planes' features: a rival has at least that many
 
 
@@ -173,19 +174,25 @@ def _is_rival(chosen: Plane, other: Plane, odds: float) -> bool:
 
 
 def _with_rival(chosen: Plane, other: Plane, cues: _Cues, of_other: _Cues, scene: Scene) -> Choice:
-    """The choice with the other plane as its rival; without, where the two hardly part."""
+    """The choice with the other plane as its rival; without, where the two hardly part, or not steadily."""
     both = np.flatnonzero(~np.isnan(chosen.ref_H_cur[:, 0, 0]) & ~np.isnan(other.ref_H_cur[:, 0, 0]))
     centre = np.array([[scene.size[0] / 2, scene.size[1] / 2]])
     ground_px = np.array([apply(np.linalg.inv(chosen.ref_H_cur[f]), centre)[0] for f in both])
     other_px = np.array([apply(np.linalg.inv(other.ref_H_cur[f]), centre)[0] for f in both])
     away_px = np.array([apply(chosen.ref_H_cur[f], at[None])[0] for f, at in zip(both, other_px, strict=True)]) - centre
-    if np.abs(away_px).max(initial=0) < _APART_PX:
-        return Choice(chosen)
     elapsed_s = scene.elapsed_s[both]
     rate, ground_drift, drift = (_rate(elapsed_s, far) for far in (away_px, ground_px - centre, other_px - centre))
+    if np.abs(away_px).max(initial=0) < _APART_PX or not _goes_on(elapsed_s, away_px, rate):
+        return Choice(chosen)
     share = len(other) / (len(chosen) + len(other))
     rival = Rival(share, rate, ground_drift, drift, cues.odds_against(of_other), cues.odds_without_drift(of_other))
     return Choice(chosen, rival, other)
+
+
+def _goes_on(elapsed_s: FloatArray, away_px: FloatArray, rate: Rate) -> bool:
+    """Whether a plane parts steadily, as water does; blur sets edges off, too, but they stay where they are."""
+    unsteady = away_px - elapsed_s[:, None] * np.array(rate)
+    return bool(np.sum(unsteady**2) < _UNSTEADY**2 * np.sum(away_px**2))
 
 
 def _rate(elapsed_s: FloatArray, away_px: FloatArray) -> Rate:

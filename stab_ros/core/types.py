@@ -80,7 +80,7 @@ class Correspondences:
     def __len__(self) -> int:
         return len(self.feature_id)
 
-    def __getitem__(self, keep: BoolArray | IdArray) -> Correspondences:
+    def __getitem__(self, keep: BoolArray | IdArray | slice) -> Correspondences:
         return Correspondences(
             self.feature_id[keep], self.reference_px[keep], self.current_px[keep], self.information[keep]
         )

@@ -29,6 +29,7 @@ _COARSE_PATCHES = 150  # of each coarser level
 _ALIGNING_PATCHES = 400  # at full resolution; all patches measure only once, when the alignment stands
 _TRUSTED = 0.3
 _MOST = 0.6  # of the patches
+_SCATTERED_PX = 0.65  # a typical distance is 0.1 to 0.4, with 9 px of motion blur 0.5, and 0.8 where errors reach 1 px
 _LINEAR_PX = 2.0  # beyond, a displacement is no measurement any more
 
 
@@ -123,7 +124,8 @@ class Direct:
         chosen = self._aligning(trust)
         H = guess if self._is_close(chosen, current, guess) else self._align_coarse(current, guess, trust)
         H = self._align_fine(chosen, current, H, trust)
-        return self._look(self._fine, np.arange(len(self._fine)), current, H)
+        pairs = self._look(self._fine, np.arange(len(self._fine)), current, H)
+        return pairs if _agrees(pairs, H, trust) else pairs[:0]
 
     def _is_close(self, chosen: IdArray, gray: Gray, guess: Homography) -> bool:
         """Whether most patches are found where the guess says.
@@ -179,6 +181,17 @@ class Direct:
         reference_px = patches.centres[chosen[found]].astype(np.float64)
         current_px = apply(cur_H_ref, reference_px + measured.displacement[found])
         return Correspondences(chosen[found], reference_px, current_px, measured.information[found])
+
+
+def _agrees(pairs: Correspondences, H: Homography, trust: FloatArray) -> bool:
+    """Whether the trusted patches agree on H as those of a picture that shows the same do.
+
+    Where it is blurred by much more than a patch can bear, each is found somewhere near, off to the side that its own
+    texture leans to: a result would look certain, by their number, and be off by pixels.
+    """
+    trusted = trust[pairs.feature_id] > _TRUSTED
+    off_px = np.hypot(*(apply(H, pairs.current_px) - pairs.reference_px)[trusted].T)
+    return len(off_px) == 0 or float(np.median(off_px)) < _SCATTERED_PX
 
 
 def build_pyramid(gray: Gray) -> list[Gray]:
