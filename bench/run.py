@@ -19,6 +19,7 @@ import memory
 import methods
 import packages
 import real_video
+import relief
 import speed
 import static_ground
 import uncertainty
@@ -34,6 +35,7 @@ SECTIONS: Mapping[str, Callable[[Effort], Section]] = {
     "static_ground": static_ground.measure,
     "faults": faults.measure,
     "uncertainty": uncertainty.measure,
+    "relief": relief.measure,
     "memory": memory.measure,
     "delivery": delivery.measure,
     "real_video": real_video.measure,

@@ -56,12 +56,13 @@ def compressed(shot: Shot, suffix: str) -> Any:
     return _JAZZY.types["sensor_msgs/msg/CompressedImage"](header=header(shot.stamp_ns), format=suffix, data=data)
 
 
-def camera_info(K: FloatArray, D: Sequence[float], size: tuple[int, int], stamp_ns: int) -> Any:
-    """sensor_msgs/CameraInfo, plumb_bob."""
+def camera_info(K: FloatArray, D: Sequence[float], size: tuple[int, int], stamp_ns: int,
+                model: str = "plumb_bob") -> Any:
+    """sensor_msgs/CameraInfo."""
     types = _JAZZY.types
     roi = types["sensor_msgs/msg/RegionOfInterest"](x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
     return types["sensor_msgs/msg/CameraInfo"](
-        header=header(stamp_ns), height=size[1], width=size[0], distortion_model="plumb_bob",
+        header=header(stamp_ns), height=size[1], width=size[0], distortion_model=model,
         d=np.array(D, np.float64), k=K.ravel(), r=np.eye(3).ravel(), p=np.hstack([K, np.zeros((3, 1))]).ravel(),
         binning_x=0, binning_y=0, roi=roi)
 

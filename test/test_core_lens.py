@@ -21,6 +21,7 @@ from truth import (
 
 from stab_ros.core.camera import Camera
 from stab_ros.core.errors import InputError
+from stab_ros.core.lens import lens_maps, make_lens
 from stab_ros.core.types import FloatArray, Gray, Homography
 from stab_ros.core.warp import INTERPOLATION
 from stab_ros.io.engine import make_stabilizer
@@ -114,6 +115,50 @@ def test_every_lens_is_removed(model: str) -> None:
     assert np.abs(warped[INNER].astype(int) - truth[INNER].astype(int)).mean() < 0.15 * truth.std()
 
 
+@pytest.mark.parametrize("lens", LENSES.values(), ids=list(LENSES))
+def test_a_picture_is_straightened_as_its_model_says(lens: Camera) -> None:
+    """A picture that holds its own columns, then its own rows."""
+    places = np.meshgrid(*(np.arange(n, dtype=np.float32) for n in SIZE))
+    expected = seen_by(lens, *(p.astype(float) for p in places))
+    inside = np.logical_and.reduce([(at > 1) & (at < n - 2) for at, n in zip(expected, SIZE, strict=True)])
+    for place, at in zip(places, expected, strict=True):
+        np.testing.assert_allclose(lens.undistort(place)[inside], at[inside], atol=0.04)  # OpenCV 4 rounds to 1/32
+
+
+@pytest.mark.parametrize("count", [4, 5, 8, 12, 14])
+def test_maps_are_opencv_s_for_every_number_of_coefficients(count: int) -> None:
+    D = np.array([-0.12, 0.03, 0.001, -0.0015, 0.004, 0.02, 0.01, -0.001, 0.001, 0.002, -0.001, 0.0005, 0.02, -0.03])
+    R, H = np.linalg.inv(K) @ projective() @ K, projective()
+    ours = lens_maps(make_lens(K, D[:count], False, SIZE), np.linalg.inv(H @ K), SIZE)
+    for one, other in zip(ours, cv2.initUndistortRectifyMap(K, D[:count], R, K, SIZE, cv2.CV_32FC1), strict=True):
+        seen = (ours[0] > -SIZE[0] / 2) & (ours[1] > -SIZE[1] / 2)  # well outside, ours say no more than that
+        np.testing.assert_allclose(one[seen], other[seen], atol=0.002)
+
+
+def test_a_fisheye_lens_shows_nothing_twice() -> None:
+    """Where its angle falls again, what lies further in would appear as a ring."""
+    k1, f = -0.3, 130.0
+    lens = Camera(np.array([[f, 0, 200], [0, f, 150], [0, 0, 1]]), np.array([k1, 0, 0, 0]), "equidistant", SIZE)
+    x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
+    angle = np.arctan(np.hypot(x - 200, y - 150) / f)
+    falls = angle > np.sqrt(-1 / (3 * k1)) + 0.01
+    shown = lens.undistort(np.full(SIZE[::-1], 200, np.uint8))
+    assert falls.any()
+    assert not shown[falls].any()
+    assert shown[angle < np.sqrt(-1 / (3 * k1)) - 0.01].all()
+
+
+@pytest.mark.parametrize("model", ["plumb_bob", "equidistant"])
+def test_beyond_the_horizon_is_black(model: str) -> None:
+    lens, H = LENSES[model], np.array([[1, 0, 0], [0, 1, 0], [0.01, 0, 1.0]])
+    x = np.arange(SIZE[0])
+    behind = np.linalg.inv(H)[2, 0] * x + 1 <= 0
+    assert behind.any()
+    shown = lens.rectify(np.full(SIZE[::-1], 200, np.uint8), H, SIZE, cv2.INTER_LINEAR)
+    assert shown.any()
+    assert not shown[:, behind].any()
+
+
 def test_what_the_lens_does_not_show_is_black_and_holds_no_feature() -> None:
     """Strong barrel distortion: the corners of the straightened picture lie beyond what was taken."""
     lens = Camera(np.array([[260.0, 0, 200], [0, 260, 150], [0, 0, 1]]), np.array([-0.45, 0.0, 0.0, 0.0]), "plumb_bob",
@@ -190,21 +235,20 @@ def test_impossible_cameras_are_refused(K_: FloatArray, D_: FloatArray, model: s
     assert len(str(error.value).splitlines()) == 1
 
 
-@pytest.mark.parametrize("camera", [None, LENS], ids=["no camera", "lens"])
+@pytest.mark.parametrize("camera", [None, *LENSES.values()], ids=["no camera", *LENSES])
 def test_image_proc_makes_the_same_picture_of_our_camera_info(camera: Camera | None) -> None:
-    image = picture(projective()) if camera is None else distorted(projective())
+    model = "plumb_bob" if camera is None else camera.model
+    image = picture(projective()) if camera is None else distorted(projective(), model=model)
     stabilizer = make_stabilizer({}, camera)
-    stabilizer.track(frame(picture() if camera is None else distorted(IDENTITY)))
+    stabilizer.track(frame(picture() if camera is None else distorted(IDENTITY, model=model)))
     done = stabilizer.step(frame(image, 1))
     assert done.image is not None
-    if camera is None:  # the contract's camera_info: H = P[:, :3] R K^-1, here with R = H, K = P = I
-        K_, R, P = np.eye(3), done.track.ref_H_cur, np.eye(3)
-    else:
-        K_, P = K, K
-        assert done.track.ref_H_cur is not None
-        R = np.linalg.inv(K) @ done.track.ref_H_cur @ K
-    D_ = np.zeros(5) if camera is None else LENS.D
-    maps = cv2.initUndistortRectifyMap(K_, D_, R, P, SIZE, cv2.CV_16SC2)
+    assert done.track.ref_H_cur is not None
+    # the contract's camera_info: H = P[:, :3] R K^-1; without a camera with K = P = I
+    K_, D_ = (np.eye(3), np.zeros(5)) if camera is None else (camera.K, camera.D)
+    R = np.linalg.inv(K_) @ done.track.ref_H_cur @ K_
+    maps_of = cv2.fisheye.initUndistortRectifyMap if model == "equidistant" else cv2.initUndistortRectifyMap
+    maps = maps_of(K_, D_, R, K_, SIZE, cv2.CV_16SC2)
     rectified = cv2.remap(image, *maps, cv2.INTER_LINEAR)
     difference = np.abs(rectified[INNER].astype(int) - done.image[INNER].astype(int))
     assert (difference <= 1).mean() >= 0.95

@@ -203,28 +203,34 @@ def test_a_picture_of_a_size_that_does_not_fit_is_lost_but_not_the_work(
     assert [len(found[f"/cam/{name}"]) for name in ("homography", "track", "image_stabilized")] == [4, 4, 4]
 
 
+@pytest.mark.parametrize(("model", "D"), [
+    ("plumb_bob", [-0.12, 0.02, 0.0, 0.0, 0.0]),
+    ("rational_polynomial", [0.25, -0.05, 0.001, -0.001, 0.01, 0.37, 0.02, -0.01]),
+    ("equidistant", [-0.03, 0.012, -0.004, 0.001]),
+])
 def test_lens_distortion_is_removed_with_the_camera_info_of_the_bag(
-    flight: list[Shot], command: Command, tmp_path: Path
+    model: str, D: list[float], flight: list[Shot], command: Command, tmp_path: Path
 ) -> None:
-    D = [-0.12, 0.02, 0.0, 0.0, 0.0]
     recorded = []
     for shot in flight[:4]:
-        info = camera_info(K, D, (480, 270), shot.stamp_ns)
+        info = camera_info(K, D, (480, 270), shot.stamp_ns, model)
         recorded.append(Entry("/cam/camera_info", "sensor_msgs/msg/CameraInfo", shot.stamp_ns, info))
-        recorded.append(Entry(IMAGE_TOPIC, "sensor_msgs/msg/Image", shot.stamp_ns + 1, distorted(shot, K, D)))
+        recorded.append(Entry(IMAGE_TOPIC, "sensor_msgs/msg/Image", shot.stamp_ns + 1, distorted(shot, K, D, model)))
     bag = write_mcap(tmp_path / "in.mcap", recorded)
     run(command, bag, tmp_path / "out.mcap", "--homographies", tmp_path / "H.csv", "-p", "use_camera_info:=true")
     assert max(errors_px(table(tmp_path / "H.csv"), flight[:4])) < 0.15
     made = decoded(messages(tmp_path / "out.mcap")["/cam/homography"][1][1], "sensor_msgs/msg/CameraInfo")
     np.testing.assert_array_equal(made.k, K.ravel())
     np.testing.assert_array_equal(made.d, D)
+    assert made.distortion_model == model
 
 
-def distorted(shot: Shot, K: FloatArray, D: Sequence[float]) -> object:
+def distorted(shot: Shot, K: FloatArray, D: Sequence[float], model: str) -> object:
     """The frame as a camera with this lens would have taken it."""
     x, y = np.meshgrid(np.arange(480.0), np.arange(270.0))
     seen = np.stack([x.ravel(), y.ravel()], axis=1)[:, None]
-    ideal = cv2.undistortPoints(seen, K, np.array(D), P=K).reshape(270, 480, 2).astype(np.float32)
+    straightened = cv2.fisheye.undistortPoints if model == "equidistant" else cv2.undistortPoints
+    ideal = straightened(seen, K, np.array(D), P=K).reshape(270, 480, 2).astype(np.float32)
     picture = cv2.remap(shot.image, ideal[..., 0], ideal[..., 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
     message = image(shot)
     message.data = picture.reshape(-1)

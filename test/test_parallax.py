@@ -41,6 +41,29 @@ def test_a_plane_raises_no_alarm(name: str) -> None:
     assert stabilizer.relief is None
 
 
+def test_a_cell_of_water_is_no_parallax() -> None:
+    """Of which the map says that it is ground, by the bank of a small picture."""
+    stabilizer = make_stabilizer({})
+    fly(stabilizer, Flight(preset("basento"), (480, 270), 60, seed=6))
+    assert stabilizer.relief is None
+
+
+def test_a_high_bank_raises_the_alarm_in_time_and_then_it_stays() -> None:
+    """The upper third of the picture, off by 0.3 px: a warning after a while, and until much less is left."""
+    rng, parallax, told = np.random.default_rng(4), Parallax((800, 600)), []
+    places = rng.uniform((0, 0), (800, 600), (900, 2))
+    for size in [*[0.3] * 30, *[0.0] * 80]:
+        off = np.where(places[:, 1:] < 200, [[size * np.cos(0.5), size * np.sin(0.5)]], 0.0)
+        parallax.add(*seen(places, off + rng.normal(0, 0.2, places.shape)))
+        told.append(parallax.relief)
+    assert told[5] is None
+    warned = told[29]
+    assert warned is not None
+    assert abs(warned.deg - np.degrees(0.5)) < 8
+    assert told[32] is not None
+    assert told[-1] is None
+
+
 def test_radial_residuals_are_no_parallax() -> None:
     """As a lens that is not known leaves them."""
     rng, parallax = np.random.default_rng(1), Parallax((800, 600))

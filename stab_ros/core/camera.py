@@ -4,21 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
+from typing import cast
 
 import cv2
 import numpy as np
 
 from stab_ros.core.errors import InputError
+from stab_ros.core.lens import Lens, Maps, lens_maps, make_lens
 from stab_ros.core.types import BoolArray, FloatArray, Homography, Image
-
-Maps: TypeAlias = tuple[FloatArray, FloatArray]
 
 # how many distortion coefficients a model may have (sensor_msgs/distortion_models.hpp)
 COEFFICIENTS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8, 12, 14), "equidistant": (4,)}
-_FARTHEST = 10.0  # distance from the optical axis, in focal lengths: 84 degrees
-_STEPS = 2000
-_BEYOND = -1e6  # a place in no picture
 _MARGIN_PX = 16  # that features keep from what the picture does not show, beyond their own reach
 
 
@@ -75,36 +71,18 @@ class Camera:
     def _undistorting(self) -> Maps:
         return self._maps(np.eye(3), self.size)
 
-    def _maps(self, ref_H_cur: Homography, size: tuple[int, int]) -> Maps:
-        """Where in the picture as taken each pixel of the result lies, x and y, (h, w) float32."""
-        rotation = np.linalg.inv(self.K) @ ref_H_cur @ self.K
-        of_model = cv2.fisheye.initUndistortRectifyMap if self.fisheye else cv2.initUndistortRectifyMap
-        x, y = of_model(self.K, self.D, rotation, self.K, size, cv2.CV_32FC1)
-        if self._reach < _FARTHEST:
-            x[self._axis_distance(np.linalg.inv(self.K @ rotation), size) > self._reach] = _BEYOND
-        return np.asarray(x), np.asarray(y)
-
     @cached_property
-    def _reach(self) -> float:
-        """How far from the optical axis, in focal lengths, the model holds: there it stops to grow.
+    def _lens(self) -> Lens:
+        return make_lens(self.K, self.D, self.fisheye, self.size)
 
-        Beyond, it would show what lies further in once more, as a ring.
-        """
-        if self.fisheye:
-            return _FARTHEST
-        k = np.zeros(8)
-        k[: min(len(self.D), 8)] = self.D[:8]
-        r = np.linspace(0, _FARTHEST, _STEPS)
-        above, below = (1 + a * r**2 + b * r**4 + c * r**6 for a, b, c in ((k[0], k[1], k[4]), k[5:8]))
-        grows = (np.diff(r * above / below) > 0) & (below[1:] > 0)
-        return _FARTHEST if grows.all() else float(r[int(np.argmin(grows))])
-
-    @staticmethod
-    def _axis_distance(ray_M_pixel: FloatArray, size: tuple[int, int]) -> FloatArray:
-        """(h, w) distance of the ray of each pixel from the optical axis, at distance 1."""
-        x, y = np.arange(size[0]), np.arange(size[1])[:, None]
-        rays = [row[0] * x + row[1] * y + row[2] for row in ray_M_pixel]
-        return np.asarray(np.hypot(rays[0], rays[1]) / np.maximum(rays[2], 1e-12))
+    def _maps(self, ref_H_cur: Homography, size: tuple[int, int]) -> Maps:
+        """Where in the picture as taken each pixel of the result lies; OpenCV's are quicker, but know no limit."""
+        ray_M_pixel = np.linalg.inv(ref_H_cur @ self.K)
+        if self.fisheye or not self._lens.holds(ray_M_pixel, size):
+            return cast(Maps, lens_maps(self._lens, ray_M_pixel, size))
+        rotation = np.linalg.inv(self.K) @ ref_H_cur @ self.K
+        x, y = cv2.initUndistortRectifyMap(self.K, self.D, rotation, self.K, size, cv2.CV_32FC1)
+        return np.asarray(x), np.asarray(y)
 
 
 def _resampled(image: Image, maps: Maps, interpolation: int) -> Image:

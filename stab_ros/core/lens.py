@@ -1,0 +1,130 @@
+"""Where a lens shows what a perfect one would show elsewhere: the models of sensor_msgs/distortion_models.hpp.
+
+All of them are a radial scale, a function of the squared distance from the optical axis, and small terms beside it. So
+the scale is tabulated once a camera, and a map costs the same for each model, whatever functions are in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from stab_ros.core.kernels import kernel
+from stab_ros.core.types import FloatArray, Homography
+
+Maps: TypeAlias = tuple[FloatArray, FloatArray]
+
+_FARTHEST = 10.0  # distance from the optical axis, in focal lengths: 84 degrees
+_STEPS = 20_000
+_ENTRIES = 16_384  # linear between them: below 0.001 px
+_OUTSIDE = 1.5  # of the distance of the farthest corner: the small terms do not bring that back
+_BEYOND = np.float32(-1e6)  # a place in no picture
+
+
+class Lens(NamedTuple):
+    """scale: (n + 1,), where n * r2 / reach2 is the index of r2; beyond reach2 nothing is seen.
+
+    beside: (6,) p1, p2, s1, s2, s3, s4. pixel_M_seen: (3, 3), from the distorted ray to the pixel.
+    """
+
+    scale: FloatArray
+    reach2: float
+    beside: FloatArray
+    pixel_M_seen: FloatArray
+
+    def holds(self, ray_M_pixel: Homography, size: tuple[int, int]) -> bool:
+        """Whether all of a result is seen within the model's limits: its corners are farthest from the axis."""
+        x, y = size[0] - 1.0, size[1] - 1.0
+        u, v, depth = ray_M_pixel @ np.array([[0, x, 0, x], [0, 0, y, y], [1, 1, 1, 1.0]])
+        return bool((depth > 0).all() and (u**2 + v**2 < self.reach2 * depth**2).all())
+
+
+def make_lens(K: FloatArray, D: FloatArray, fisheye: bool, size: tuple[int, int]) -> Lens:
+    """K: (3, 3), px. D: of OpenCV's order, or the four of its fisheye model. size: width, height of the picture, px."""
+    d = np.zeros(14)
+    d[: len(D)] = D
+    pixel_M_seen = np.array([[K[0, 0], 0, K[0, 2]], [0, K[1, 1], K[1, 2]], [0, 0, 1.0]])
+    of_model = _fisheye_scale if fisheye else _rational_scale
+    farthest = np.inf if d[12:].any() else _farthest_corner(K, size)  # a tilted sensor stands elsewhere
+    reach = _reach(of_model, d, _OUTSIDE * farthest)
+    scale = of_model(np.linspace(0, reach**2, _ENTRIES + 1), d)
+    if fisheye:
+        return Lens(scale, reach**2, np.zeros(6), pixel_M_seen)
+    return Lens(scale, reach**2, d[[2, 3, 8, 9, 10, 11]], pixel_M_seen @ _tilt(d[12], d[13]))
+
+
+def _rational_scale(r2: FloatArray, d: FloatArray) -> FloatArray:
+    """`plumb_bob` and `rational_polynomial`; NaN from the pole on."""
+    above, below = (1 + r2 * (a + r2 * (b + r2 * c)) for a, b, c in ((d[0], d[1], d[4]), d[5:8]))
+    sound = np.logical_and.accumulate(below > 1e-6)
+    return np.asarray(np.where(sound, above, np.nan) / np.where(sound, below, 1.0))
+
+
+def _fisheye_scale(r2: FloatArray, d: FloatArray) -> FloatArray:
+    """`equidistant`, Kannala and Brandt 2006: the angle to the axis in place of its tangent."""
+    r = np.sqrt(np.maximum(r2, 1e-16))
+    angle = np.arctan(r)
+    a2 = angle**2
+    return np.asarray(angle / r * (1 + a2 * (d[0] + a2 * (d[1] + a2 * (d[2] + a2 * d[3])))))
+
+
+def _reach(of_model: Callable[[FloatArray, FloatArray], FloatArray], d: FloatArray, outside: float) -> float:
+    """How far from the optical axis, in focal lengths, there is anything to be seen.
+
+    Where the model stops to grow it would show once more, as a ring, what lies further in; what it puts beyond
+    `outside` is in no picture.
+    """
+    r = np.linspace(0, _FARTHEST, _STEPS + 1)
+    seen = r * of_model(r**2, d)
+    with np.errstate(invalid="ignore"):
+        holds = (np.diff(seen) > 0) & (seen[1:] < outside)
+    return float(_FARTHEST if holds.all() else r[max(int(np.argmin(holds)), 1)])
+
+
+def _farthest_corner(K: FloatArray, size: tuple[int, int]) -> float:
+    """Of the picture, from the principal point, in focal lengths."""
+    x, y = (max(abs(K[i, 2]), abs(size[i] - K[i, 2])) / K[i, i] for i in range(2))
+    return float(np.hypot(x, y))
+
+
+def _tilt(x_rad: float, y_rad: float) -> FloatArray:
+    """(3, 3), from the ray to a tilted sensor: Louhichi et al. 2007, as OpenCV has it."""
+    (cx, sx), (cy, sy) = ((np.cos(a), np.sin(a)) for a in (x_rad, y_rad))
+    about_x = np.array([[1.0, 0, 0], [0, cx, sx], [0, -sx, cx]])
+    about_y = np.array([[cy, 0, -sy], [0, 1.0, 0], [sy, 0, cy]])
+    turned = about_y @ about_x
+    return np.asarray(np.array([[turned[2, 2], 0, -turned[0, 2]], [0, turned[2, 2], -turned[1, 2]], [0, 0, 1]])
+                      @ turned)
+
+
+@kernel(fastmath=True)
+def lens_maps(lens: Lens, ray_M_pixel: Homography, size: tuple[int, int]) -> Maps:
+    """Where in the picture as taken each pixel of a result lies, x and y, (h, w) float32; far outside for nowhere.
+
+    ray_M_pixel: (3, 3), from pixels of the result to rays of the camera. size: width, height of the result, px.
+    """
+    scale, reach2, beside, M = lens
+    p1, p2, s1, s2, s3, s4 = beside
+    x_px, y_px = np.empty((size[1], size[0]), np.float32), np.empty((size[1], size[0]), np.float32)
+    entries = (len(scale) - 1) / reach2
+    A = ray_M_pixel
+    for row in range(size[1]):
+        for column in range(size[0]):
+            depth = A[2, 0] * column + A[2, 1] * row + A[2, 2]
+            k = 1 / max(depth, 1e-9)
+            u = (A[0, 0] * column + A[0, 1] * row + A[0, 2]) * k
+            v = (A[1, 0] * column + A[1, 1] * row + A[1, 2]) * k
+            r2 = u * u + v * v
+            seen = (depth > 1e-9) & (r2 < reach2)
+            at = r2 * entries if seen else 0.0
+            entry = int(at)
+            radial = scale[entry] + (at - entry) * (scale[entry + 1] - scale[entry])
+            uv = 2 * u * v
+            x = u * radial + p1 * uv + p2 * (r2 + 2 * u * u) + r2 * (s1 + s2 * r2)
+            y = v * radial + p2 * uv + p1 * (r2 + 2 * v * v) + r2 * (s3 + s4 * r2)
+            w = 1 / (M[2, 0] * x + M[2, 1] * y + M[2, 2])
+            x_px[row, column] = (M[0, 0] * x + M[0, 1] * y + M[0, 2]) * w if seen else _BEYOND
+            y_px[row, column] = (M[1, 0] * x + M[1, 1] * y + M[1, 2]) * w if seen else _BEYOND
+    return x_px, y_px
