@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -105,7 +106,6 @@ class Base:
     def __init__(self, gray: Gray, place: Place, method: Method) -> None:
         """method: made for `gray`, (h, w) uint8, which is not copied."""
         self.gray, self.place, self._method = gray, place, method
-        self._overview, self._relocation = Overview(gray), Relocation(gray)
         self._features = StaticFeatures(len(method.reference_px))
 
     @property
@@ -151,6 +151,14 @@ class Base:
             return carried, solve(carried, guess, trust)
         fit = solve(pairs, near, trust)
         return carried, None if fit is None else self.place.chained(fit)
+
+    @cached_property
+    def _overview(self) -> Overview:
+        return Overview(self.gray)
+
+    @cached_property
+    def _relocation(self) -> Relocation:
+        return Relocation(self.gray)
 
     def jumped(self, gray: Gray, guess: Homography) -> Homography:
         """`guess` (ref_H_cur) with the shift that a rough look at the whole picture shows."""

@@ -6,7 +6,7 @@ from enum import Enum
 
 import numpy as np
 
-from stab_ros.core.geometry import normalized
+from stab_ros.core.geometry import normalized, shift
 from stab_ros.core.ground_choice import Rival, drift_odds, drift_px
 from stab_ros.core.static_map import StaticMap
 from stab_ros.core.types import FloatArray, Homography
@@ -33,25 +33,30 @@ class Doubt:
 
     def spread(self, ref_H_cur: Homography, stamp_ns: int) -> FloatArray:
         """Covariance (8, 8) of h00 .. h21: one sigma is how far apart the two planes put the frame."""
-        away = np.array(self.rival.rate_px) * self._elapsed_s(stamp_ns)
-        change = np.concatenate([away[0] * ref_H_cur[2], away[1] * ref_H_cur[2], np.zeros(2)])
+        x, y = self._away_px(stamp_ns)
+        change = np.concatenate([x * ref_H_cur[2], y * ref_H_cur[2], np.zeros(2)])
         return np.asarray(np.outer(change, change))
 
     def weigh(self, ref_H_cur: Homography, stamp_ns: int) -> Verdict:
         """By how far each plane has been carried until now; the other cues stay what they were."""
-        if self._elapsed_s(stamp_ns) < _PATIENCE_S:
+        elapsed_s = self._elapsed_s(stamp_ns)
+        if elapsed_s < _PATIENCE_S:
             return Verdict.OPEN
         chosen_px, other_px = (drift_px(H, self._size) for H in (ref_H_cur, self.by_rival(ref_H_cur, stamp_ns)))
-        odds = self.rival.odds_without_drift + drift_odds(chosen_px, other_px, self._size[0],
-                                                          self._elapsed_s(stamp_ns))
+        odds = self.rival.odds_without_drift + drift_odds(chosen_px, other_px, self._size[0], elapsed_s)
         if odds > _DECIDED:
             return Verdict.SETTLED
         return Verdict.TURNED if odds < -_DECIDED else Verdict.OPEN
 
     def by_rival(self, ref_H_cur: Homography, stamp_ns: int) -> Homography:
         """Where the frame lies if the rival is the ground, and has gone on as it did."""
-        x, y = np.array(self.rival.rate_px) * self._elapsed_s(stamp_ns)
-        return normalized(np.array([[1.0, 0.0, -x], [0.0, 1.0, -y], [0.0, 0.0, 1.0]]) @ ref_H_cur)
+        x, y = self._away_px(stamp_ns)
+        return normalized(shift(-x, -y) @ ref_H_cur)
+
+    def _away_px(self, stamp_ns: int) -> tuple[float, float]:
+        """Where the rival has gone in the reference while the chosen plane stood still, x and y, px."""
+        (x, y), elapsed_s = self.rival.rate_px, self._elapsed_s(stamp_ns)
+        return x * elapsed_s, y * elapsed_s
 
     def _elapsed_s(self, stamp_ns: int) -> float:
         return (stamp_ns - self._start_ns) / 1e9

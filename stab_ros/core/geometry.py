@@ -67,6 +67,11 @@ def sigma_px(H: Homography, covariance: FloatArray, size: tuple[int, int]) -> fl
     return float(np.sqrt(np.mean(np.einsum("nij,jk,nik->n", J, covariance, J))))
 
 
+def shift(x_px: float, y_px: float) -> Homography:
+    """The homography that moves everything by so many px."""
+    return np.array([[1.0, 0.0, x_px], [0.0, 1.0, y_px], [0.0, 0.0, 1.0]])
+
+
 def level_scale(level: int) -> Homography:
     """Maps full-resolution pixels to those of a pyramid level that averages 2x2 blocks `level` times."""
     k = 0.5**level

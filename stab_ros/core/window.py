@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stab_ros.core.errors import ConfigError
+from stab_ros.core.geometry import shift
 from stab_ros.core.types import Homography
 
 _MOST_SIDE_PX, _MOST_PX = 16384, 100_000_000
@@ -45,4 +46,4 @@ class Window:
 
     def window_H_cur(self, ref_H_cur: Homography) -> Homography:
         """From pixels of the frame to those of the window."""
-        return np.array([[1.0, 0.0, -self.x], [0.0, 1.0, -self.y], [0.0, 0.0, 1.0]]) @ ref_H_cur
+        return np.asarray(shift(-self.x, -self.y) @ ref_H_cur)
