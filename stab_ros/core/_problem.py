@@ -83,7 +83,7 @@ class Problem:
     def of(pairs: Correspondences, trust: FloatArray, model: str, threshold_px: float,
            ransac_threshold_px: float = RANSAC_THRESHOLD_PX) -> Problem:
         strength = strongest(pairs.information)
-        shape, noise = pairs.information / strength[:, None, None], _SIGMAS**2 / strength
+        shape, noise = pairs.information / strength[:, None, None], own_noise(strength)
         basis = Basis.around(model, pairs.reference_px)
         return Problem(pairs, shape, trust, noise, basis, threshold_px, ransac_threshold_px)
 
@@ -155,6 +155,11 @@ class Problem:
                                     self.noise, kernel.weight, kernel.beyond, threshold_px, basis.centre,
                                     basis.radius, PARAMETERS[basis.model], steps, _CONVERGED_PX)
         return polished if found else None
+
+
+def own_noise(strength: FloatArray) -> FloatArray:
+    """(N,) px^2: what a feature's own uncertainty adds to the square of any threshold, by `strongest` of it."""
+    return np.asarray(_SIGMAS**2 / strength)
 
 
 def strongest(information: FloatArray) -> FloatArray:

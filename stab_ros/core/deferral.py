@@ -87,29 +87,25 @@ class Deferral:
 
     def outcome(self) -> Outcome:
         """What is ground, and the frames so far in its light; everything, if the features show no plane."""
-        trajectories, shapes = self._survey.trajectories(), self._survey.shapes
-        elapsed_s = (np.array(self._stamps_ns) - self._start_ns) / 1e9
-        planes = find_planes(trajectories, shapes)
+        trajectories = self._survey.trajectories()
+        planes = find_planes(trajectories)
         if not planes:
-            everything = Plane(np.ones(len(self._survey.reference_px), bool), shapes)
-            return self._judged(Choice(everything), trajectories, shapes)
-        scene = Scene(self._survey.reference_px, self._size, elapsed_s)
-        return self._judged(choose_ground(planes, scene), trajectories, shapes)
+            everything = Plane(np.ones(len(trajectories.reference_px), bool), trajectories.shapes)
+            return self._judged(Choice(everything), trajectories)
+        elapsed_s = (np.array(self._stamps_ns) - self._start_ns) / 1e9
+        scene = Scene(trajectories.reference_px, self._size, elapsed_s)
+        return self._judged(choose_ground(planes, scene), trajectories)
 
-    def _judged(self, choice: Choice, trajectories: Trajectories, shapes: FloatArray) -> Outcome:
+    def _judged(self, choice: Choice, trajectories: Trajectories) -> Outcome:
         """The frames so far in the light of a choice."""
         ground, openings = choice.ground, []
-        places = np.where(np.isnan(ground.ref_H_cur), shapes, ground.ref_H_cur)
+        places = np.where(np.isnan(ground.ref_H_cur), trajectories.shapes, ground.ref_H_cur)
         for k, (index, stamp_ns) in enumerate(zip(self._indices, self._stamps_ns, strict=True)):
             pairs = trajectories.pairs(k)
             openings.append(Opening(index, stamp_ns, pairs, ground.member[pairs.feature_id].astype(float), places[k]))
-        ground_px = self._survey.reference_px[ground.member]
-        return Outcome(openings, ground_px, self._map(ground), self._doubt(choice), self._size)
+        rival = choice.rival
+        doubt = None if rival is None else Doubt(rival, self._map(rival.plane), self._start_ns, self._size)
+        return Outcome(openings, trajectories.reference_px[ground.member], self._map(ground), doubt, self._size)
 
     def _map(self, plane: Plane) -> StaticMap:
         return StaticMap.of_features(self._survey.reference_px, plane.member.astype(float), self._size)
-
-    def _doubt(self, choice: Choice) -> Doubt | None:
-        if choice.rival is None or choice.rival_plane is None:
-            return None
-        return Doubt(choice.rival, self._map(choice.rival_plane), self._start_ns, self._size)

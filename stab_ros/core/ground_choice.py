@@ -38,7 +38,7 @@ _LEAST_SHARE = 0.1  # of both planes' features: a rival has at least that many
 Rate: TypeAlias = tuple[float, float]  # (x, y) px/s
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rival:
     """A plane that may be the ground as well as the chosen one.
 
@@ -48,6 +48,7 @@ class Rival:
     odds_without_drift: by all cues but the drift.
     """
 
+    plane: Plane
     share: float
     rate_px: Rate
     ground_drift_px: Rate
@@ -70,11 +71,10 @@ def _heading(rate_px: Rate) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The plane taken for the ground, and its strongest rival with its plane (None: there is no doubt)."""
+    """The plane taken for the ground, and its strongest rival (None: there is no doubt)."""
 
     ground: Plane
     rival: Rival | None = None
-    rival_plane: Plane | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,14 +88,12 @@ class Scene:
 
 def choose_ground(planes: list[Plane], scene: Scene) -> Choice:
     """The plane, of at least one, that is more likely the ground than any other."""
-    cues = [_cues(plane, planes, scene) for plane in planes]
+    cues = _cues(planes, scene)
     odds = np.array([[a.odds_against(b) for b in cues] for a in cues])
     best = int(np.argmax(np.min(odds, axis=1)))
-    choices = [Choice(planes[best])]
-    for k in np.argsort(odds[best]).tolist():
-        if k != best and _is_rival(planes[best], planes[k], odds[best, k]):
-            choices.append(_with_rival(planes[best], planes[k], cues[best], cues[k], scene))
-    return next((choice for choice in choices if choice.rival is not None), choices[0])
+    others = [k for k in np.argsort(odds[best]).tolist() if k != best]  # the most likely one first
+    rivals = (_rival(planes[best], planes[k], cues[best], cues[k], scene) for k in others)
+    return Choice(planes[best], next((rival for rival in rivals if rival is not None), None))
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,22 +137,24 @@ def drift_px(ref_H_cur: Homography, size: tuple[int, int]) -> float:
     return math.hypot(*np.mean(apply(ref_H_cur, grid(size)) - grid(size), axis=0))
 
 
-def _cues(plane: Plane, planes: list[Plane], scene: Scene) -> _Cues:
-    places = scene.reference_px[plane.member]
-    hull = cv2.convexHull(places.astype(np.float32)).reshape(-1, 2)
-    return _Cues(_persistence(plane, planes, scene), np.asarray(hull), places, drift_px(plane.last, scene.size),
-                 scene.size[0], float(scene.elapsed_s[-1]))
+def _cues(planes: list[Plane], scene: Scene) -> list[_Cues]:
+    found = []
+    for plane, persistence in zip(planes, _persistences(planes, scene), strict=True):
+        places = scene.reference_px[plane.member]
+        hull = np.asarray(cv2.convexHull(places.astype(np.float32)).reshape(-1, 2))
+        found.append(_Cues(persistence, hull, places, drift_px(plane.last, scene.size), scene.size[0],
+                           float(scene.elapsed_s[-1])))
+    return found
 
 
-def _persistence(plane: Plane, planes: list[Plane], scene: Scene) -> float:
-    """The share of the plane's features among all that are nearer to one of them than to any other plane's."""
+def _persistences(planes: list[Plane], scene: Scene) -> list[float]:
+    """The share of each plane's features among all that are nearer to one of them than to any other plane's."""
     owner = np.full(len(scene.reference_px), -1)
-    for k, one in enumerate(planes):
-        owner[one.member] = k
-    lost, kept = np.flatnonzero(owner < 0), np.flatnonzero(owner >= 0)
-    nearest = _nearest(scene.reference_px[lost], scene.reference_px[kept])
-    own = planes.index(plane)
-    return len(plane) / (len(plane) + int(np.sum(owner[kept][nearest] == own)))
+    for k, plane in enumerate(planes):
+        owner[plane.member] = k
+    lost, kept = scene.reference_px[owner < 0], scene.reference_px[owner >= 0]
+    strays = np.bincount(owner[owner >= 0][_nearest(lost, kept)], minlength=len(planes))
+    return [len(plane) / (len(plane) + int(astray)) for plane, astray in zip(planes, strays, strict=True)]
 
 
 def _nearest(points: FloatArray, others: FloatArray) -> IdArray:
@@ -169,12 +169,11 @@ def _enclosed(places: FloatArray, hull: FloatArray) -> float:
     return float(np.mean([cv2.pointPolygonTest(outline, (x, y), False) >= 0 for x, y in places.tolist()]))
 
 
-def _is_rival(chosen: Plane, other: Plane, odds: float) -> bool:
-    return odds < _AMBIGUOUS and len(other) >= _LEAST_SHARE * (len(chosen) + len(other))
-
-
-def _with_rival(chosen: Plane, other: Plane, cues: _Cues, of_other: _Cues, scene: Scene) -> Choice:
-    """The choice with the other plane as its rival; without, where the two hardly part, or not steadily."""
+def _rival(chosen: Plane, other: Plane, cues: _Cues, of_other: _Cues, scene: Scene) -> Rival | None:
+    """The other plane as a rival; None where it is hardly as likely, or the two do not part, or not steadily."""
+    odds, share = cues.odds_against(of_other), len(other) / (len(chosen) + len(other))
+    if odds >= _AMBIGUOUS or share < _LEAST_SHARE:
+        return None
     both = np.flatnonzero(~np.isnan(chosen.ref_H_cur[:, 0, 0]) & ~np.isnan(other.ref_H_cur[:, 0, 0]))
     centre = np.array([[scene.size[0] / 2, scene.size[1] / 2]])
     ground_px = np.array([apply(np.linalg.inv(chosen.ref_H_cur[f]), centre)[0] for f in both])
@@ -183,10 +182,8 @@ def _with_rival(chosen: Plane, other: Plane, cues: _Cues, of_other: _Cues, scene
     elapsed_s = scene.elapsed_s[both]
     rate, ground_drift, drift = (_rate(elapsed_s, far) for far in (away_px, ground_px - centre, other_px - centre))
     if np.abs(away_px).max(initial=0) < _APART_PX or not _goes_on(elapsed_s, away_px, rate):
-        return Choice(chosen)
-    share = len(other) / (len(chosen) + len(other))
-    rival = Rival(share, rate, ground_drift, drift, cues.odds_against(of_other), cues.odds_without_drift(of_other))
-    return Choice(chosen, rival, other)
+        return None
+    return Rival(other, share, rate, ground_drift, drift, odds, cues.odds_without_drift(of_other))
 
 
 def _goes_on(elapsed_s: FloatArray, away_px: FloatArray, rate: Rate) -> bool:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stab_ros.core import estimators
-from stab_ros.core._problem import strongest
+from stab_ros.core._problem import own_noise, strongest
 from stab_ros.core.geometry import apply
 from stab_ros.core.kernels import kernel
 from stab_ros.core.survey import Trajectories
@@ -22,7 +22,6 @@ from stab_ros.core.types import BoolArray, FloatArray, Homography, IdArray
 _THRESHOLD_PX = 0.6
 _OCTAVES = 3  # samples are ranked by the threshold, its half and its quarter: two planes must not pass for one
 _SCATTERS = 4.0  # the features of a plane lie within so many times their median distance from it
-_SIGMAS = 3.0  # of a feature's own noise that are no disagreement
 _QUARTERS = 4
 _SAMPLES = 1000
 _SEED = 20201020
@@ -50,11 +49,8 @@ class Plane:
         return np.asarray(self.ref_H_cur[np.flatnonzero(~np.isnan(self.ref_H_cur[:, 0, 0]))[-1]])
 
 
-def find_planes(seen_from: Trajectories, shapes: FloatArray) -> list[Plane]:
-    """The planes that the features move with, the largest first; none where too few features were followed.
-
-    shapes: (F, 3, 3) roughly ref_H_cur: what is common to all planes, but for a shift.
-    """
+def find_planes(seen_from: Trajectories) -> list[Plane]:
+    """The planes that the features move with, the largest first; none where too few features were followed."""
     quarters = _quarter_frames(seen_from)
     if not len(quarters):
         return []
@@ -62,7 +58,7 @@ def find_planes(seen_from: Trajectories, shapes: FloatArray) -> list[Plane]:
     planes: list[Plane] = []
     least = max(_LEAST_FEATURES, int(_LEAST_SHARE * len(left)))
     while left.sum() >= least and len(planes) < _MOST_PLANES:
-        plane = _widened(seen_from, shapes, _largest(seen_from, shapes, quarters, left), quarters, left)
+        plane = _widened(seen_from, _largest(seen_from, quarters, left), quarters, left)
         if plane is None or len(plane) < least:
             break
         planes.append(plane)
@@ -77,11 +73,11 @@ def _quarter_frames(seen_from: Trajectories) -> IdArray:
     return np.unique(followed[np.clip(np.round(at).astype(int), 0, None)]) if len(followed) else followed
 
 
-def _largest(seen_from: Trajectories, shapes: FloatArray, quarters: IdArray, left: BoolArray) -> BoolArray:
+def _largest(seen_from: Trajectories, quarters: IdArray, left: BoolArray) -> BoolArray:
     """(N,) bool: the largest group of what is `left` that goes along with two of its features in all four frames."""
     which = np.flatnonzero(left)
     start = seen_from.reference_px[which]
-    moved = np.stack([apply(shapes[f], seen_from.current_px[f, which]) for f in quarters])
+    moved = np.stack([apply(seen_from.shapes[f], seen_from.current_px[f, which]) for f in quarters])
     noise = np.stack([noises(seen_from.information[f, which]) for f in quarters])
     samples = np.random.default_rng(_SEED).integers(0, len(which), (_SAMPLES, 2))
     best = _best_sample(samples, start, moved, noise, _THRESHOLD_PX, _OCTAVES)
@@ -91,8 +87,8 @@ def _largest(seen_from: Trajectories, shapes: FloatArray, quarters: IdArray, lef
 
 
 def noises(information: FloatArray) -> FloatArray:
-    """(N,) px^2: what a feature's own noise adds to the square of any threshold, of information (N, 2, 2)."""
-    return np.asarray(_SIGMAS**2 / np.maximum(strongest(information), 1e-9))
+    """(N,) px^2: what a feature's own noise adds to the square of any threshold; huge for what was not seen."""
+    return own_noise(np.maximum(strongest(information), 1e-9))
 
 
 @kernel()
@@ -130,18 +126,17 @@ def _excess(i: int, j: int, start: FloatArray, moved: FloatArray, noise: FloatAr
     return excess
 
 
-def _widened(seen_from: Trajectories, shapes: FloatArray, member: BoolArray, quarters: IdArray,
-             left: BoolArray) -> Plane | None:
+def _widened(seen_from: Trajectories, member: BoolArray, quarters: IdArray, left: BoolArray) -> Plane | None:
     """The plane that the members lie on, with all that is `left` and agrees, and its homography in every frame."""
     reach_px = _THRESHOLD_PX
     for _ in range(_WIDENING):
-        fitted = np.stack([_fitted(seen_from, f, shapes[f], member) for f in quarters])
+        fitted = np.stack([_fitted(seen_from, f, member) for f in quarters])
         if np.isnan(fitted).any():
             return None
         reach_px = max(_reach_px(seen_from, f, H, member) for f, H in zip(quarters, fitted, strict=True))
         agrees = np.stack([_agreeing(seen_from, f, H, reach_px) for f, H in zip(quarters, fitted, strict=True)])
         member = left & agrees.all(axis=0)
-    ref_H_cur = np.stack([_fitted(seen_from, f, shapes[f], member) for f in range(len(shapes))])
+    ref_H_cur = np.stack([_fitted(seen_from, f, member) for f in range(len(seen_from.shapes))])
     return Plane(left & _persistent(seen_from, ref_H_cur, reach_px), ref_H_cur)
 
 
@@ -152,10 +147,10 @@ def _reach_px(seen_from: Trajectories, frame: int, ref_H_cur: Homography, member
     return min(max(_SCATTERS * scatter_px, _THRESHOLD_PX * 0.5 ** (_OCTAVES - 1)), _THRESHOLD_PX)
 
 
-def _fitted(seen_from: Trajectories, frame: int, guess: Homography, member: BoolArray) -> Homography:
+def _fitted(seen_from: Trajectories, frame: int, member: BoolArray) -> Homography:
     """ref_H_cur of one frame by the members; NaN where they do not determine it."""
     pairs = seen_from.pairs(frame, member)
-    found = estimators.refine(pairs, "projective", _THRESHOLD_PX, guess, np.ones(len(pairs)))
+    found = estimators.refine(pairs, "projective", _THRESHOLD_PX, seen_from.shapes[frame], np.ones(len(pairs)))
     return np.full((3, 3), np.nan) if found is None else found
 
 

@@ -17,16 +17,14 @@ from stab_ros.core.geometry import apply, point_jacobian
 from stab_ros.core.overview import Overview
 from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography
 from stab_ros.methods import _patches
+from stab_ros.methods.direct import DirectConfig
 
-_PATCHES = 2400
-_RADIUS = 8
-_LEAST_TEXTURE = 0.5
+_PATCHES = DirectConfig()  # as many, as large and as clear as the method `direct` has them
 _FLOW_BLOCK_PX = 15
 _COARSEST_PX = 80  # the shorter side of the smallest picture that the flow is found in
 _PASSES = 3  # against the template
 _CLOSE_PX = 0.02
 _FAR_PX = 3.0  # more than the flow is ever off
-_MIN_CORRELATION = 0.5
 _SHAPE_PX = 3.0
 _FOLLOWED = 0.1  # of the features, at least: with fewer the frame is not followed
 
@@ -36,13 +34,15 @@ class Trajectories:
     """N features over F frames.
 
     reference_px: (N, 2). current_px: (F, N, 2). information: (F, N, 2, 2) of the reference-side displacement, 1/px^2.
-    seen: (F, N) bool, where the other two hold. A frame that could not be followed has none.
+    seen: (F, N) bool, where the other two hold. A frame that could not be followed has none. shapes: (F, 3, 3), roughly
+    ref_H_cur, of most features: what is common to all planes, but for a shift.
     """
 
     reference_px: FloatArray
     current_px: FloatArray
     information: FloatArray
     seen: BoolArray
+    shapes: FloatArray
 
     def pairs(self, frame: int, which: BoolArray | None = None) -> Correspondences:
         """What one frame shows of all features, or of `which`, (N,) bool."""
@@ -56,8 +56,8 @@ class Survey:
 
     def __init__(self, reference: Gray, allowed: BoolArray) -> None:
         """reference: (h, w) uint8. allowed: (h, w) bool, where features may lie."""
-        centres = _patches.choose(reference, allowed, _PATCHES, _RADIUS, _LEAST_TEXTURE)
-        self._patches = _patches.cut(reference, centres, _RADIUS)
+        centres = _patches.choose(reference, allowed, _PATCHES.patches, _PATCHES.radius, _PATCHES.min_texture)
+        self._patches = _patches.cut(reference, centres, _PATCHES.radius)
         self.reference_px: FloatArray = self._patches.centres.astype(np.float64)
         self._last = reference
         self._at_px, self._step_px = self.reference_px.copy(), np.zeros_like(self.reference_px)
@@ -65,26 +65,23 @@ class Survey:
         self._rows: list[tuple[FloatArray, FloatArray, BoolArray]] = []
         self._shapes: list[Homography] = []
 
-    def follow(self, gray: Gray) -> bool:
-        """Finds all features in the next frame, (h, w) uint8; whether that went well."""
-        followed = self._try(gray, self._at_px + self._step_px) or self._try(gray, self._jumped(gray))
+    def follow(self, gray: Gray) -> None:
+        """Finds all features in the next frame, (h, w) uint8."""
+        last = self._as_bright(gray)
+        followed = (self._try(last, gray, self._at_px + self._step_px)
+                    or self._try(last, gray, self._jumped(gray)))
         if not followed:
             n = len(self.reference_px)
             self._rows.append((np.zeros((n, 2)), np.zeros((n, 2, 2)), np.zeros(n, bool)))
         self._shapes.append(self._ref_H_cur)
-        return followed
-
-    @property
-    def shapes(self) -> FloatArray:
-        """(F, 3, 3) ref_H_cur of each frame, roughly: that of most features, whatever plane they are on."""
-        return np.array(self._shapes).reshape(-1, 3, 3)
 
     def trajectories(self) -> Trajectories:
         """Everything so far."""
         n = len(self.reference_px)
         current, information, seen = zip(*self._rows, strict=True) if self._rows else ((), (), ())
         return Trajectories(self.reference_px, np.array(current).reshape(-1, n, 2),
-                            np.array(information).reshape(-1, n, 2, 2), np.array(seen, bool).reshape(-1, n))
+                            np.array(information).reshape(-1, n, 2, 2), np.array(seen, bool).reshape(-1, n),
+                            np.array(self._shapes).reshape(-1, 3, 3))
 
     def _as_bright(self, gray: Gray) -> Gray:
         """The last picture with mean and contrast of the next: the flow takes brightness for motion."""
@@ -93,9 +90,9 @@ class Survey:
         levels = (np.arange(256) - float(mean[0, 0])) * gain + float(wanted[0, 0])
         return np.asarray(cv2.LUT(self._last, np.clip(np.round(levels), 0, 255).astype(np.uint8)))
 
-    def _try(self, gray: Gray, start_px: FloatArray) -> bool:
+    def _try(self, last: Gray, gray: Gray, start_px: FloatArray) -> bool:
         """One attempt from where the features may be; kept if enough of them are there."""
-        at_px, found = _flowed(self._as_bright(gray), gray, self._at_px, start_px)
+        at_px, found = _flowed(last, gray, self._at_px, start_px)
         shape = self._shape(at_px, found)
         if shape is None:
             return False
@@ -127,7 +124,7 @@ class Survey:
             moved = np.einsum("nij,nj->ni", cur_J_ref[chosen], measured.displacement)
             at_px[chosen] += moved
             off = np.abs(at_px[chosen] - start_px[chosen]).max(axis=1, initial=0)
-            good = (measured.correlation >= _MIN_CORRELATION) & (off < _FAR_PX)
+            good = (measured.correlation >= _PATCHES.min_correlation) & (off < _FAR_PX)
             information[chosen], seen[chosen] = measured.information, good
             chosen = chosen[good & (np.abs(moved).max(axis=1, initial=0) > _CLOSE_PX)]
         return at_px, information, seen
