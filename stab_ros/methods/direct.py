@@ -121,18 +121,19 @@ class Direct:
         return Level(patches, scale, np.argwhere(apart <= radius))
 
     def match(self, current: Gray, guess: Homography, trust: FloatArray) -> Correspondences:
+        """Coarser pictures only where few patches are found by the guess.
+
+        Else they could only lead astray, with water beside the ground in every patch.
+        """
         chosen = self._aligning(trust)
-        H = guess if self._is_close(chosen, current, guess) else self._align_coarse(current, guess, trust)
-        H = self._align_fine(chosen, current, H, trust)
+        H, seen = guess, self._look(self._fine, chosen, current, guess)
+        if len(seen) <= _MOST * len(chosen):
+            H = self._align_coarse(current, guess, trust)
+            seen = self._look(self._fine, chosen, current, H)
+        better = self._align(self._fine, seen, chosen, current, H, trust, _finely(len(chosen)))
+        H = H if better is None else better
         pairs = self._look(self._fine, np.arange(len(self._fine)), current, H)
         return pairs if _agrees(pairs, H, trust) else pairs[:0]
-
-    def _is_close(self, chosen: IdArray, gray: Gray, guess: Homography) -> bool:
-        """Whether most patches are found where the guess says.
-
-        Then coarser pictures could only lead astray, with water beside the ground in every patch.
-        """
-        return len(self._look(self._fine, chosen, gray, guess)) > _MOST * len(chosen)
 
     def _align_coarse(self, gray: Gray, guess: Homography, trust: FloatArray) -> Homography:
         """`guess` corrected over the pyramid, from its top to the level below full resolution."""
@@ -145,7 +146,8 @@ class Direct:
         """`guess` corrected by one pyramid level; unchanged where the level has too little to say."""
         H = normalized(level.scale @ guess @ np.linalg.inv(level.scale))
         every = np.arange(len(level.patches))
-        better = self._align(level.patches, every, gray, H, level.trust(trust), _COARSE)
+        seen = self._look(level.patches, every, gray, H)
+        better = self._align(level.patches, seen, every, gray, H, level.trust(trust), _COARSE)
         return guess if better is None else normalized(np.linalg.inv(level.scale) @ better @ level.scale)
 
     @staticmethod
@@ -154,16 +156,11 @@ class Direct:
         trusted = np.flatnonzero(trust > _TRUSTED)
         return trusted[:: max(1, len(trusted) // _ALIGNING_PATCHES)]
 
-    def _align_fine(self, chosen: IdArray, gray: Gray, guess: Homography, trust: FloatArray) -> Homography:
-        """`guess` corrected at full resolution by the chosen patches."""
-        better = self._align(self._fine, chosen, gray, guess, trust, _finely(len(chosen)))
-        return guess if better is None else better
-
-    def _align(self, patches: Patches, chosen: IdArray, gray: Gray, H: Homography, trust: FloatArray,
-               steps: Steps) -> Homography | None:
-        """Measure and correct until the correction is negligible; None where that fails."""
-        for _ in range(steps.most):
-            pairs = self._look(patches, chosen, gray, H)
+    def _align(self, patches: Patches, seen: Correspondences, chosen: IdArray, gray: Gray, H: Homography,
+               trust: FloatArray, steps: Steps) -> Homography | None:
+        """Correct and measure until the correction is negligible, from what is seen by H; None where that fails."""
+        for step in range(steps.most):
+            pairs = self._look(patches, chosen, gray, H) if step else seen
             better = estimators.refine(pairs, steps.model, steps.threshold_px, H, trust[pairs.feature_id])
             if better is None:
                 return None
