@@ -104,7 +104,7 @@ def test_a_window_is_that_part_of_the_view(text: str, window: tuple[int, int, in
     assert shown[0].image is not None
     assert shown[1].image is not None
     assert shown[1].image.shape == (height, width)
-    assert part.offset == (x, y)
+    assert part.window.offset == (x, y)
     np.testing.assert_array_equal(shown[0].track.ref_H_cur, shown[1].track.ref_H_cur)
     canvas = cv2.copyMakeBorder(shown[0].image, 500, 500, 500, 1500, cv2.BORDER_CONSTANT)
     expected = canvas[y + 500 : y + 500 + height, x + 500 : x + 500 + width]

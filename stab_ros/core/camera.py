@@ -11,6 +11,7 @@ import numpy as np
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.lens import Lens, Maps, lens_maps, make_lens
+from stab_ros.core.shrinking import Shrinking
 from stab_ros.core.types import BoolArray, FloatArray, Homography, Image
 
 # how many distortion coefficients a model may have (sensor_msgs/distortion_models.hpp)
@@ -57,6 +58,11 @@ class Camera:
     def rectify(self, image: Image, ref_H_cur: Homography, size: tuple[int, int], interpolation: int) -> Image:
         """Distortion removed and `ref_H_cur` applied in one interpolation, as image_proc does with our camera_info."""
         return _resampled(image, self._maps(ref_H_cur, size), interpolation)
+
+    def shrunk(self, shrinking: Shrinking) -> Camera:
+        """The camera that would take the small picture."""
+        width, height = (n >> shrinking.level for n in self.size)
+        return Camera(shrinking.scale @ self.K, self.D, self.model, (width, height))
 
     @cached_property
     def visible(self) -> BoolArray:

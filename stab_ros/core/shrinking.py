@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from stab_ros.core.geometry import level_scale, normalized
-from stab_ros.core.types import Gray, Homography
+from stab_ros.core.types import Gray, Homography, Image
 
 
 @dataclass(frozen=True)
@@ -27,11 +27,11 @@ class Shrinking:
         """From px of the whole picture to those of the small one."""
         return level_scale(self.level)
 
-    def picture(self, gray: Gray) -> Gray:
+    def picture(self, image: Image) -> Image:
         """The small one; an incomplete last row or column of blocks is left out, so that `scale` holds."""
-        height, width = (n >> self.level for n in gray.shape)
-        whole = gray[: height << self.level, : width << self.level]
-        return np.asarray(cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+        height, width = (n >> self.level for n in image.shape[:2])
+        whole = image[: height << self.level, : width << self.level]
+        return np.asarray(cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA), image.dtype)
 
     def small(self, H: Homography) -> Homography:
         """What a homography between whole pictures is between small ones."""

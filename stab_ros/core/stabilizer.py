@@ -28,6 +28,7 @@ from stab_ros.core.points import check_count
 from stab_ros.core.reference import Motion, Reference, is_textured
 from stab_ros.core.region import Area
 from stab_ros.core.static_map import StaticMap
+from stab_ros.core.threads import use_threads
 from stab_ros.core.types import (
     NO_POINTS,
     BoolArray,
@@ -67,6 +68,7 @@ class StabilizerConfig(Checked):
                            choices=("drop", "hold", "pass"))
     output_roi: str = setting("", "what image_stabilized shows: 'x, y, width, height' in px of the reference, and "
                               'beyond it if need be; "": the view of the reference')
+    output_scale: float = setting(1.0, "px of image_stabilized for one of the reference", 0.02, 1.0)
     interpolation: str = setting("linear", "of image_stabilized", choices=tuple(INTERPOLATION))
     threshold: float = setting(0.5, "a feature further than this from the fit is an outlier, px", 0.01, 20.0)
     ransac_threshold: float = setting(3.0, "of the consensus that ed_ransac filters with `threshold`, px", 0.01, 50.0)
@@ -77,6 +79,8 @@ class StabilizerConfig(Checked):
                                       "finds what it finds, of the matches, the frame is lost",
                                       0.0, 1.0)
     max_sigma: float = setting(1.0, "with a larger uncertainty of the homography the frame is lost, px", 0.001, 100.0)
+    threads: int = setting(0, "how many threads this process computes with, which changes no result; 0: one for each "
+                           "core, at most 4", 0, 64)
     method_config: object = None
 
     def __post_init__(self) -> None:
@@ -84,9 +88,9 @@ class StabilizerConfig(Checked):
         _ = self.window
 
     @property
-    def window(self) -> Window | None:
-        """What image_stabilized shows; None: the view of the reference."""
-        return Window.of(self.output_roi) if self.output_roi.strip() else None
+    def window(self) -> Window:
+        """What image_stabilized shows."""
+        return Window.of(self.output_roi, self.output_scale)
 
 
 class Stabilizer:
@@ -109,6 +113,7 @@ class Stabilizer:
     def __init__(self, config: StabilizerConfig, area: Area | None = None, camera: Camera | None = None,
                  points_px: FloatArray = NO_POINTS, static_map: StaticMap | None = None) -> None:
         _check_points(config, points_px)
+        use_threads(config.threads)
         self._config, self._area, self._points_px, self._camera = config, area or Area(), points_px, camera
         self._given_map = static_map
         self._reference: Reference | None = None
@@ -203,16 +208,12 @@ class Stabilizer:
             H = self._motion.last
         if H is None:
             return None
-        window = self._config.window
-        if window is not None:
-            H = window.window_H_cur(H)
-        return warp(frame.image, H, window.size if window else frame.size, self._config.interpolation, self._camera)
+        return warp(frame.image, H, frame.size, self._config.interpolation, self._camera, self.window)
 
     @property
-    def offset(self) -> tuple[int, int]:
-        """Where the top left pixel of what `warp` makes lies in the reference, x and y, px."""
-        window = self._config.window
-        return (window.x, window.y) if window else (0, 0)
+    def window(self) -> Window:
+        """What `warp` shows of the reference, and how large."""
+        return self._config.window
 
     def reset_reference(self) -> None:
         """The next textured frame becomes the reference."""
@@ -228,6 +229,7 @@ class Stabilizer:
         _check_points(config, points_px)
         if self._reference is not None:
             self._rebuild(self._reference, config, self._allowed_by(area, self._reference.frame.size), points_px)
+        use_threads(config.threads)
         self._config, self._area, self._points_px = config, area, points_px
 
     def _rebuild(self, reference: Reference, config: StabilizerConfig, allowed: BoolArray,

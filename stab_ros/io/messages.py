@@ -20,6 +20,7 @@ from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.frame_metrics import POINT_METRICS, UNITS, FrameMetrics, Outcome
 from stab_ros.core.static_map import StaticMap
 from stab_ros.core.types import FloatArray, Frame, Homography, Image, Track
+from stab_ros.core.window import Window
 from stab_ros.io.pixels import decode_compressed, decode_image
 from stab_ros.io.text import number
 
@@ -38,6 +39,7 @@ SECOND_NS = 1_000_000_000
 _ALMOST_ZERO = 1e-300
 _CDR_HEADER, _STAMP_END = 4, 12  # bytes
 _Doubles: TypeAlias = NDArray[np.float64]
+_WHOLE = Window()
 _NO_PIXELS = np.empty(0, np.uint8)
 
 
@@ -170,10 +172,10 @@ def read_size(cdr: bytes | memoryview) -> tuple[int, int] | None:
     return (message.width, message.height) if message.width and message.height else None
 
 
-def track_cdr(track: Track, header: Header, offset: tuple[int, int] = (0, 0)) -> bytes:
+def track_cdr(track: Track, header: Header, window: Window = _WHOLE) -> bytes:
     """DiagnosticArray with the one status of this frame; what is unknown while LOST is an empty string.
 
-    offset: where the top left pixel of `image_stabilized` lies in the reference, px.
+    window: what `image_stabilized` shows of the reference.
     """
     values = {
         "state": track.state.value,
@@ -184,8 +186,8 @@ def track_cdr(track: Track, header: Header, offset: tuple[int, int] = (0, 0)) ->
         "rmse_px": number(track.rmse_px),
         "sigma_px": number(track.sigma_px),
         "covariance": "" if track.covariance is None else _upper_triangle(track.covariance),
-        "offset": f"{offset[0]} {offset[1]}",
-        "scale": "1",
+        "offset": " ".join(f"{place_px:.12g}" for place_px in window.offset),
+        "scale": f"{window.scale:.12g}",
     }
     level = OK if track.tracked else WARN
     return _diagnostics(header, "track", header.frame_id, level, track.state.value, values)

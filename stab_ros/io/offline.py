@@ -14,6 +14,7 @@ from stab_ros.core.config import Value
 from stab_ros.core.parameters import PARAMETERS
 from stab_ros.core.stabilizer import Stabilizer
 from stab_ros.core.types import Frame
+from stab_ros.core.window import Window
 from stab_ros.io.bag import BagWriter
 from stab_ros.io.engine import make_stabilizer
 from stab_ros.io.homographies import HomographyWriter
@@ -71,7 +72,7 @@ def stabilize(job: Job, progress: Progress) -> Summary:
         camera = source.camera() if _uses_camera(job.values) else None
         stabilizer = make_stabilizer(job.values, camera)
         total = expected(source.count, job.limit)
-        with _open_outputs(job, source, camera, stabilizer.offset) as outputs:
+        with _open_outputs(job, source, camera, stabilizer.window) as outputs:
             counts = run(source.items(job.limit), stabilizer, outputs, lambda done: progress(done, total),
                          partial(read_again, job.source, job.image_topic, job.fps, job.limit))
         warnings = (*_replaced(source, outputs.bag.replaced), *source.warnings, *_unused(source, counts),
@@ -96,13 +97,13 @@ def _check_outputs(job: Job) -> None:
 
 
 @contextmanager
-def _open_outputs(job: Job, source: Source, camera: Camera | None, offset: tuple[int, int]) -> Iterator[Outputs]:
+def _open_outputs(job: Job, source: Source, camera: Camera | None, window: Window) -> Iterator[Outputs]:
     """Leaving on an error, the writers close first, so that what stays behind can be read."""
     with ExitStack() as stack:
         writer = stack.enter_context(BagWriter(job.output, overwrite=job.force))
         table_path = stack.enter_context(completed(job.homographies)) if job.homographies else None
         video_path = stack.enter_context(completed(job.video)) if job.video else None
-        bag = StabilizedBag(writer, source, camera, job.with_image, job.keep_raw, offset)
+        bag = StabilizedBag(writer, source, camera, job.with_image, job.keep_raw, window)
         table = stack.enter_context(HomographyWriter(table_path)) if table_path else None
         video = stack.enter_context(VideoWriter(video_path, job.fps or source.rate_hz())) if video_path else None
         yield Outputs(bag, table, video)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from stab_ros.core.camera import Camera
 from stab_ros.core.static_map import StaticMap
 from stab_ros.core.types import Frame, Image, Track
+from stab_ros.core.window import Window
 from stab_ros.io.bag import BagWriter, Message, Topic, topic_of
 from stab_ros.io.messages import (
     CAMERA_INFO,
@@ -55,12 +56,12 @@ class StabilizedBag:
     """
 
     def __init__(self, writer: BagWriter, source: Source, camera: Camera | None, with_image: bool, keep_raw: bool,
-                 offset: tuple[int, int]) -> None:
-        """offset: where the top left pixel of the stabilised images lies in the reference, px."""
+                 window: Window) -> None:
+        """window: what the stabilised images show of the reference."""
         self.with_image = with_image
         self._writer = writer
         self._camera = camera
-        self._offset = offset
+        self._window = window
         self._raw_topic = source.topics[source.image_topic]
         self._names = names_for(self._raw_topic, with_image)
         self._taken_over = {name for name in source.topics if name not in self._names.types}
@@ -87,7 +88,7 @@ class StabilizedBag:
         header = header_of(frame)
         size = reference_size or frame.size
         self._write(picture, self._names.homography, homography_cdr(track, header, size, self._camera))
-        self._write(picture, self._names.track, track_cdr(track, header, self._offset))
+        self._write(picture, self._names.track, track_cdr(track, header, self._window))
         if static_map is not None:
             self._write(picture, self._names.static_map, static_map_cdr(static_map, header))
         if self._names.image is not None and image is not None:

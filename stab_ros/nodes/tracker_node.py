@@ -173,7 +173,7 @@ class TrackerNode(StabNode):
             reference = self.stabilizer.reference
             size = waiting.size if reference is None or track.tracked else reference.size
             self.homography.send(homography_cdr(track, waiting.header, size, camera))
-            self.track.send(track_cdr(track, waiting.header, self.stabilizer.offset))
+            self.track.send(track_cdr(track, waiting.header, self.stabilizer.window))
             self.status.on_track(track, time.time_ns() - waiting.source_ns)
 
     def _publish_references(self) -> None:

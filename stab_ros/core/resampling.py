@@ -1,0 +1,167 @@
+"""Bilinear resampling of a picture by a homography that is near the identity, as a camera that hovers makes them.
+
+There the pixels of a row come from one row too, side by side, over long runs: blocks of a row are interpolated with
+contiguous loads and fractions that grow evenly, which compilers turn into SIMD, where OpenCV gathers the four
+neighbours of every pixel anew. Places are exact at both ends of a block, and linear in between.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+
+from stab_ros.core.kernels import kernel
+from stab_ros.core.threads import in_parallel
+from stab_ros.core.types import FloatArray, Homography, Image
+
+_LONG, _SHORT = 64, 16  # px of a block; where the longer one will not do, the shorter may
+_STEEPEST = 0.8 / _SHORT  # by how much a row, or a column, may drift off per px: beyond, OpenCV is quicker
+_BENT_PX = 0.01  # what the place in a block may differ from a straight line
+_LEAST_ROWS = 64  # that a thread is worth
+
+
+def is_gentle(ref_H_cur: Homography, size: tuple[int, int]) -> bool:
+    """Whether `resample` is the quicker way, and exact, for a result of `size` (width, height)."""
+    cur_M_ref = np.linalg.inv(ref_H_cur)
+    x, y = np.meshgrid([0.0, size[0] - 1.0], [0.0, size[1] - 1.0])
+    places = cur_M_ref @ np.stack([x.ravel(), y.ravel(), np.ones(4)])
+    depth = places[2]
+    if not (np.isfinite(places).all() and depth.min() > 0):
+        return False
+    along = (cur_M_ref[:2, 0, None] - places[:2] / depth * cur_M_ref[2, 0]) / depth
+    bend_px = _LONG**2 / 4 * np.abs(cur_M_ref[2, 0] * along / depth).max()
+    return bool(np.abs(along - [[1.0], [0.0]]).max() < _STEEPEST and bend_px < _BENT_PX)
+
+
+def resample(image: Image, ref_H_cur: Homography, out: Image) -> None:
+    """Fills `out`, (h, w) or (h, w, channels), with `image` as seen from the reference; 0 beyond its border.
+
+    Both C-contiguous and of one dtype, uint8 or uint16; `is_gentle` must hold.
+    """
+    channels = 1 if image.ndim == 2 else image.shape[2]
+    pixels, made = image.reshape(len(image), -1), out.reshape(len(out), -1)
+    place_of = np.repeat(np.arange(_LONG, dtype=np.float32), channels)
+    cur_M_ref, pattern = np.linalg.inv(ref_H_cur), (0,) * channels
+
+    def rows(first: int, last: int) -> None:
+        _resample(pixels, cur_M_ref, made, place_of, pattern, first, last)
+
+    in_parallel(rows, len(out), _LEAST_ROWS)
+
+
+# All that is called below is inlined: what has a fixed length then, the compiler unrolls and turns into SIMD.
+@kernel(fastmath=True)
+def _resample(image: Image, M: Homography, out: Image, place_of: FloatArray, pattern: tuple[int, ...], first: int,
+              last: int) -> None:
+    """Rows `first` to `last` of the result; pictures are (h, w * channels).
+
+    place_of: which pixel of a block each of its values belongs to. pattern: as long as a pixel, so that each number
+    of channels is compiled for itself.
+    """
+    channels, shape = len(pattern), image.shape
+    wide, pixels, made = out.shape[1] // channels, image.ravel(), out.ravel()
+    for y in range(first, last):
+        for block in range(0, wide, _LONG):
+            start = min(block, wide - _LONG)  # the last one overlaps the one before
+            if start < 0:
+                _one_by_one(image, M, out, pattern, 0, wide, y)
+                continue
+            x0, y0 = _place(M, start, y)
+            x1, y1 = _place(M, start + _LONG, y)
+            to = (y * wide + start) * channels
+            if (_steady(pixels, shape, made, to, place_of, pattern, _LONG, x0, y0, x1, y1)
+                    or _crossing(pixels, shape, made, to, place_of, pattern, _LONG, x0, y0, x1, y1)):
+                continue
+            x_step, y_step = (x1 - x0) / _LONG, (y1 - y0) / _LONG
+            for part in range(0, _LONG, _SHORT):
+                xa, ya, end = x0 + part * x_step, y0 + part * y_step, part + _SHORT
+                if not _crossing(pixels, shape, made, to + part * channels, place_of, pattern, _SHORT, xa, ya,
+                                 x0 + end * x_step, y0 + end * y_step):
+                    _one_by_one(image, M, out, pattern, start + part, start + end, y)
+
+
+@numba.njit(nogil=True, fastmath=True, inline="always")
+def _place(M: Homography, x: float, y: float) -> Any:
+    """Where in the picture a pixel of the result lies."""
+    depth = 1 / (M[2, 0] * x + M[2, 1] * y + M[2, 2])
+    return (M[0, 0] * x + M[0, 1] * y + M[0, 2]) * depth, (M[1, 0] * x + M[1, 1] * y + M[1, 2]) * depth
+
+
+# Indices of values are unsigned: numba would ask of each signed one whether it counts from the end.
+@numba.njit(nogil=True, fastmath=True, inline="always")
+def _steady(pixels: Image, shape: tuple[int, int], made: Image, to: int, place_of: FloatArray, pattern: tuple[int, ...],
+            length: int, x0: float, y0: float, x1: float, y1: float) -> bool:
+    """A block whose pixels each lie between the same two rows, and as far along; False where that is not so.
+
+    x0, y0, x1, y1: where its first pixel lies, and the one after its last.
+    """
+    channels, (height, pitch) = len(pattern), shape
+    column, row = int(np.floor(min(x0, x1 - length))), int(np.floor(min(y0, y1)))
+    if (max(x0, x1 - length) >= column + 1 or max(y0, y1) >= row + 1 or column < 0 or row < 0
+            or (column + length) * channels >= pitch or row + 1 >= height):
+        return False
+    at, to_value = np.uint64(row * pitch + column * channels), np.uint64(to)
+    right, down = np.uint64(channels), np.uint64(pitch)
+    fx0, fx_step = np.float32(x0 - column), np.float32((x1 - x0) / length - 1)
+    fy0, fy_step = np.float32(y0 - row), np.float32((y1 - y0) / length)
+    for k in range(np.uint64(length * len(pattern))):
+        fx, fy = fx0 + fx_step * place_of[k], fy0 + fy_step * place_of[k]
+        a, b = np.float32(pixels[at + k]), np.float32(pixels[at + k + right])
+        c, d = np.float32(pixels[at + down + k]), np.float32(pixels[at + down + k + right])
+        upper, lower = a + fx * (b - a), c + fx * (d - c)
+        made[to_value + k] = np.int32(upper + fy * (lower - upper) + np.float32(0.5))
+    return True
+
+
+@numba.njit(nogil=True, fastmath=True, inline="always")
+def _crossing(pixels: Image, shape: tuple[int, int], made: Image, to: int, place_of: FloatArray,
+              pattern: tuple[int, ...], length: int, x0: float, y0: float, x1: float, y1: float) -> bool:
+    """The same where a row, or a column, may be crossed once: of three, with those weights that are not 0."""
+    channels, (height, pitch) = len(pattern), shape
+    column, row = int(np.floor(min(x0, x1 - length))), int(np.floor(min(y0, y1)))
+    if (max(x0, x1 - length) >= column + 2 or max(y0, y1) >= row + 2 or column < 0 or row < 0
+            or (column + length + 1) * channels >= pitch or row + 2 >= height):
+        return False
+    at, to_value = np.uint64(row * pitch + column * channels), np.uint64(to)
+    right, down = np.uint64(channels), np.uint64(pitch)
+    fx0, fx_step = np.float32(x0 - column), np.float32((x1 - x0) / length - 1)
+    fy0, fy_step = np.float32(y0 - row), np.float32((y1 - y0) / length)
+    zero, one = np.float32(0), np.float32(1)
+    for k in range(np.uint64(length * len(pattern))):
+        fx, fy = fx0 + fx_step * place_of[k], fy0 + fy_step * place_of[k]
+        beyond_x, beyond_y = max(fx - one, zero), max(fy - one, zero)
+        fx, fy = min(fx, one), min(fy, one)
+        upper = _between(pixels, at + k, right, fx, beyond_x)
+        middle = _between(pixels, at + down + k, right, fx, beyond_x)
+        lower = _between(pixels, at + down + down + k, right, fx, beyond_x)
+        made[to_value + k] = np.int32(upper + fy * (middle - upper) + beyond_y * (lower - middle) + np.float32(0.5))
+    return True
+
+
+@numba.njit(nogil=True, fastmath=True, inline="always")
+def _between(pixels: Image, at: int, right: int, fx: float, beyond: float) -> Any:
+    """The value `fx` px along the way from one pixel to the next, and then `beyond` along that to the next but one."""
+    a, b, c = np.float32(pixels[at]), np.float32(pixels[at + right]), np.float32(pixels[at + right + right])
+    return a + fx * (b - a) + beyond * (c - b)
+
+
+@numba.njit(nogil=True, fastmath=True, inline="always")
+def _one_by_one(image: Image, M: Homography, out: Image, pattern: tuple[int, ...], start: int, end: int,
+                y: int) -> None:
+    """Pixels at the border of the picture and beyond, where there is nothing but 0."""
+    channels, height, width = len(pattern), image.shape[0], image.shape[1] // len(pattern)
+    for x in range(start, end):
+        x_px, y_px = _place(M, x, y)
+        column, row = int(np.floor(x_px)), int(np.floor(y_px))
+        fx, fy = x_px - column, y_px - row
+        for channel in range(channels):
+            value = 0.0
+            if -1 <= column < width and -1 <= row < height:
+                for below in range(2):
+                    for beside in range(2):
+                        if 0 <= row + below < height and 0 <= column + beside < width:
+                            weight = (fy if below else 1 - fy) * (fx if beside else 1 - fx)
+                            value += weight * image[row + below, (column + beside) * channels + channel]
+            out[y, x * channels + channel] = np.int32(value + 0.5)
