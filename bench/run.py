@@ -14,9 +14,11 @@ import accuracy
 import delivery
 import evaluation
 import faults
+import live
 import machine
 import memory
 import methods
+import offline
 import packages
 import real_video
 import relief
@@ -38,6 +40,8 @@ SECTIONS: Mapping[str, Callable[[Effort], Section]] = {
     "relief": relief.measure,
     "memory": memory.measure,
     "delivery": delivery.measure,
+    "live": live.measure,
+    "offline": offline.measure,
     "real_video": real_video.measure,
 }
 

@@ -19,6 +19,7 @@ from stab_ros.core.survey import Survey, Trajectories
 from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography
 
 _LEAST_FEATURES = 48  # with fewer there is nothing to choose between
+_ENOUGH_FRAMES, _PATIENCE = 8, 3  # with fewer it may take so many times as long: some may have been dropped
 _MOST_FRAMES = 120  # where stamps do not advance
 
 
@@ -75,9 +76,9 @@ class Deferral:
         """Whether the last frame has brought the start to its end."""
         if not self._stamps_ns:
             return False
-        last_ns = self._stamps_ns[-1]
-        return not (self._start_ns <= last_ns < self._start_ns + self._duration_ns
-                    and len(self._stamps_ns) < _MOST_FRAMES)
+        frames, elapsed_ns = len(self._stamps_ns), self._stamps_ns[-1] - self._start_ns
+        long = elapsed_ns >= self._duration_ns * (1 if frames >= _ENOUGH_FRAMES else _PATIENCE)
+        return long or elapsed_ns < 0 or frames >= _MOST_FRAMES
 
     def follow(self, index: int, stamp_ns: int, gray: Gray) -> None:
         """Takes the next frame, (h, w) uint8."""

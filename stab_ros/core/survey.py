@@ -15,12 +15,14 @@ import numpy as np
 from stab_ros.core import estimators
 from stab_ros.core.geometry import apply, point_jacobian
 from stab_ros.core.overview import Overview
+from stab_ros.core.shrinking import Shrinking
 from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography
-from stab_ros.methods import _patches
+from stab_ros.methods import _patches, _spread
 from stab_ros.methods.direct import DirectConfig
 
 _PATCHES = DirectConfig()  # as many, as large and as clear as the method `direct` has them
 _FLOW_BLOCK_PX = 15
+_FLOW_WIDTH_PX = 1600  # or up to twice that: the flow only has to come near, the templates are measured in full size
 _COARSEST_PX = 80  # the shorter side of the smallest picture that the flow is found in
 _PASSES = 3  # against the template
 _CLOSE_PX = 0.02
@@ -56,10 +58,11 @@ class Survey:
 
     def __init__(self, reference: Gray, allowed: BoolArray) -> None:
         """reference: (h, w) uint8. allowed: (h, w) bool, where features may lie."""
-        centres = _patches.choose(reference, allowed, _PATCHES.patches, _PATCHES.radius, _PATCHES.min_texture)
+        centres = _spread.choose(reference, allowed, _PATCHES.patches, _PATCHES.radius, _PATCHES.min_texture)
         self._patches = _patches.cut(reference, centres, _PATCHES.radius)
         self.reference_px: FloatArray = self._patches.centres.astype(np.float64)
-        self._last = reference
+        self._shrinking = Shrinking.to_width(reference, _FLOW_WIDTH_PX)
+        self._last = self._shrinking.picture(reference)
         self._at_px, self._step_px = self.reference_px.copy(), np.zeros_like(self.reference_px)
         self._ref_H_cur: Homography = np.eye(3)
         self._rows: list[tuple[FloatArray, FloatArray, BoolArray]] = []
@@ -67,9 +70,9 @@ class Survey:
 
     def follow(self, gray: Gray) -> None:
         """Finds all features in the next frame, (h, w) uint8."""
-        last = self._as_bright(gray)
-        followed = (self._try(last, gray, self._at_px + self._step_px)
-                    or self._try(last, gray, self._jumped(gray)))
+        small = self._shrinking.picture(gray)
+        followed = (self._try(gray, small, self._at_px + self._step_px)
+                    or self._try(gray, small, self._jumped(small)))
         if not followed:
             n = len(self.reference_px)
             self._rows.append((np.zeros((n, 2)), np.zeros((n, 2, 2)), np.zeros(n, bool)))
@@ -83,16 +86,18 @@ class Survey:
                             np.array(information).reshape(-1, n, 2, 2), np.array(seen, bool).reshape(-1, n),
                             np.array(self._shapes).reshape(-1, 3, 3))
 
-    def _as_bright(self, gray: Gray) -> Gray:
+    def _as_bright(self, small: Gray) -> Gray:
         """The last picture with mean and contrast of the next: the flow takes brightness for motion."""
-        (mean, spread), (wanted, wide) = (cv2.meanStdDev(picture) for picture in (self._last, gray))
+        (mean, spread), (wanted, wide) = (cv2.meanStdDev(picture) for picture in (self._last, small))
         gain = float(wide[0, 0]) / max(float(spread[0, 0]), 1.0)
         levels = (np.arange(256) - float(mean[0, 0])) * gain + float(wanted[0, 0])
         return np.asarray(cv2.LUT(self._last, np.clip(np.round(levels), 0, 255).astype(np.uint8)))
 
-    def _try(self, last: Gray, gray: Gray, start_px: FloatArray) -> bool:
+    def _try(self, gray: Gray, small: Gray, start_px: FloatArray) -> bool:
         """One attempt from where the features may be; kept if enough of them are there."""
-        at_px, found = _flowed(last, gray, self._at_px, start_px)
+        scale = self._shrinking.scale
+        moved, found = _flowed(self._as_bright(small), small, apply(scale, self._at_px), apply(scale, start_px))
+        at_px = apply(np.linalg.inv(scale), moved)
         shape = self._shape(at_px, found)
         if shape is None:
             return False
@@ -102,7 +107,7 @@ class Survey:
         step = np.median((at_px - self._at_px)[seen], axis=0)
         self._step_px = np.where(seen[:, None], at_px - self._at_px, step)
         self._at_px = np.where(seen[:, None], at_px, self._at_px + step)
-        self._last, self._ref_H_cur = gray, shape
+        self._last, self._ref_H_cur = small, shape
         self._rows.append((at_px, information, seen))
         return True
 
@@ -129,9 +134,9 @@ class Survey:
             chosen = chosen[good & (np.abs(moved).max(axis=1, initial=0) > _CLOSE_PX)]
         return at_px, information, seen
 
-    def _jumped(self, gray: Gray) -> FloatArray:
+    def _jumped(self, small: Gray) -> FloatArray:
         """Where the features would be if the whole picture had jumped since the last frame."""
-        last_H_cur = Overview(self._last).corrected(gray, np.eye(3))
+        last_H_cur = self._shrinking.whole(Overview(self._last).corrected(small, np.eye(3)))
         return apply(np.linalg.inv(last_H_cur), self._at_px)
 
 

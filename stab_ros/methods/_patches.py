@@ -23,8 +23,8 @@ from stab_ros.core.kernels import kernel
 from stab_ros.core.threads import in_parallel
 from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, IdArray, Image
 
-_BORDER = 3  # px that the gradient and the interpolation reach beyond the patch
-_SMOOTHING_PX = 2.0  # of the test function: as if both pictures were smoothed by 1.4
+_BAND_ROWS = 128  # of the picture that are looked at together
+_SMOOTHING_PX, _BLUR_REACH = 2.0, 8  # of the test function: as if both pictures were smoothed by 1.4
 _AHEAD = 256  # px, more than any sample lies before its patch centre
 _NEARLY_SHIFTED_PX = 0.12  # turned and stretched by less at its edge, a patch is sampled as if only shifted
 # What is left in a patch is correlated from pixel to pixel (interpolation, aliasing), and the smooth test function
@@ -57,6 +57,10 @@ class Patches:
     def __len__(self) -> int:
         return len(self.centres)
 
+    def __getitem__(self, keep: BoolArray) -> Patches:
+        return Patches(self.centres[keep], self.radius, self.template[keep], self.power[keep], self.pull[:, keep],
+                       self.precision[keep], self.lever[keep])
+
 
 @dataclass(frozen=True, eq=False)
 class Measured:
@@ -72,63 +76,45 @@ class Measured:
     information: FloatArray
 
 
-def texture(gray: Gray, radius: int) -> FloatArray:
-    """Mean squared gradient along the weaker direction of the window about each pixel: (h, w) float32.
-
-    The smaller eigenvalue of the structure tensor (Shi and Tomasi 1994), grey levels^2 per px^2.
-    """
-    side = 2 * radius + 1
-    per_sobel = 1.0 / (4 * side * 255)  # cv2's own scaling of its 3x3 Sobel for 8-bit pictures
-    eigenvalue = cv2.cornerMinEigenVal(gray, side, ksize=3)
-    return np.asarray(eigenvalue * np.float32((1 / (8 * per_sobel * side)) ** 2))
-
-
-def choose(gray: Gray, allowed: BoolArray, count: int, radius: int, least_texture: float) -> IdArray:
-    """Centres (n, 2) of at most `count` patches: the best-textured place of each cell of an even grid.
-
-    The cells are as large as lets `count` of them cover what `allowed` leaves.
-    """
-    score = texture(gray, radius)
-    margin = radius + _BORDER
-    usable = np.zeros(gray.shape, bool)
-    usable[margin:-margin, margin:-margin] = allowed[margin:-margin, margin:-margin]
-    score[~usable] = 0
-    side = max(radius, int(np.sqrt(usable.sum() / count)))
-    height, width = -(-gray.shape[0] // side) * side, -(-gray.shape[1] // side) * side
-    padded = np.zeros((height, width), np.float32)
-    padded[: gray.shape[0], : gray.shape[1]] = score
-    cells = padded.reshape(height // side, side, width // side, side).swapaxes(1, 2).reshape(-1, side * side)
-    best, where = cells.max(axis=1), cells.argmax(axis=1)
-    row, column = np.divmod(np.arange(len(cells)), width // side)
-    y, x = np.divmod(where, side)
-    strongest = np.argsort(-best, kind="stable")[:count]
-    strongest = np.sort(strongest[best[strongest] >= least_texture])
-    return np.stack([column * side + x, row * side + y], axis=1)[strongest].astype(np.int64)
-
-
-def within(centres: IdArray, shape: tuple[int, ...], radius: int) -> IdArray:
-    """Those of the centres (n, 2) that keep as clear of the border of a picture of `shape` as those of `choose`."""
-    margin = radius + _BORDER
-    return centres[((centres >= margin) & (centres < np.array(shape[1::-1]) - margin)).all(axis=1)]
-
-
 def cut(gray: Gray, centres: IdArray, radius: int) -> Patches:
-    """The patches of `gray` about `centres`, which keep clear of the border as those of `choose` do."""
-    template = _windows(gray, centres, radius)
+    """The patches of `gray` about `centres`, which keep clear of the border as those of `choose` do.
+
+    Those that determine no displacement are left out. Band by band of the picture: nothing large is needed beside it.
+    """
+    n, side = len(centres), 2 * radius + 1
+    patches = Patches(centres, radius, np.empty((n, side, side), np.float32), np.empty(n),
+                      np.empty((2, n, side, side), np.float32), np.empty((n, 2, 2)), np.empty((n, 2, 4)))
+    usable, band = np.zeros(n, bool), centres[:, 1] // _BAND_ROWS
+    for number in np.unique(band):
+        _fill(patches, usable, np.flatnonzero(band == number), gray)
+    return patches if usable.all() else patches[usable]
+
+
+def _fill(patches: Patches, usable: BoolArray, which: IdArray, gray: Gray) -> None:
+    """Some of the patches, all of one band of the picture, and whether they can be used."""
+    radius = patches.radius
+    rows, centres = _band(gray, patches.centres[which], radius + 2 + _BLUR_REACH)
+    template = _windows(rows, centres, radius)
     template -= template.mean(axis=(1, 2), keepdims=True)
     power = np.maximum(np.einsum("nij,nij->n", template, template), 1e-9)
-    gradient = _gradient(gray, centres, radius)
-    test = _gradient(cv2.GaussianBlur(gray.astype(np.float32), (0, 0), _SMOOTHING_PX), centres, radius)
+    gradient = _gradient(rows, centres, radius)
+    test = _gradient(cv2.GaussianBlur(rows.astype(np.float32), (0, 0), _SMOOTHING_PX), centres, radius)
     gradient, test = (_without_brightness(image, template, power) for image in (gradient, test))
     response = np.einsum("anij,bnij->nab", test, gradient)
-    usable = np.abs(np.linalg.det(response)) > 1e-6 * response[:, 0, 0] * response[:, 1, 1]
-    pull = -np.einsum("nab,bnij->anij", np.linalg.inv(response[usable]), test[:, usable])
-    precision = np.linalg.inv(np.einsum("anij,bnij->nab", pull, pull))
+    good = np.abs(np.linalg.det(response)) > 1e-6 * response[:, 0, 0] * response[:, 1, 1]
+    pull = -np.einsum("nab,bnij->anij", np.linalg.inv(response[good]), test[:, good])
     along = np.arange(-radius, radius + 1.0)
-    moments = np.stack([gradient[:, usable] * along, gradient[:, usable] * along[:, None]], axis=1)  # by x and by y
-    lever = -np.einsum("anij,dmnij->nadm", pull, moments).reshape(-1, 2, 4)
-    return Patches(centres[usable], radius, template[usable].astype(np.float32), power[usable],
-                   np.ascontiguousarray(pull, np.float32), precision, lever)
+    moments = np.stack([gradient[:, good] * along, gradient[:, good] * along[:, None]], axis=1)  # by x and by y
+    which, usable[which] = which[good], good
+    patches.template[which], patches.power[which], patches.pull[:, which] = template[good], power[good], pull
+    patches.precision[which] = np.linalg.inv(np.einsum("anij,bnij->nab", pull, pull))
+    patches.lever[which] = -np.einsum("anij,dmnij->nadm", pull, moments).reshape(-1, 2, 4)
+
+
+def _band(gray: Gray, centres: IdArray, reach: int) -> tuple[Gray, IdArray]:
+    """The rows of the picture that lie within `reach` of any of the centres, and where those are in them."""
+    top = max(0, int(centres[:, 1].min()) - reach)
+    return gray[top : int(centres[:, 1].max()) + reach + 1], centres - np.array([0, top])
 
 
 def _without_brightness(images: FloatArray, template: FloatArray, power: FloatArray) -> FloatArray:

@@ -21,7 +21,7 @@ from stab_ros.core.config import Checked, setting
 from stab_ros.core.geometry import apply, level_scale, normalized, rms_distance
 from stab_ros.core.models import MODELS, minimal_points
 from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray
-from stab_ros.methods import _patches
+from stab_ros.methods import _patches, _spread
 from stab_ros.methods._patches import Patches
 
 _COARSEST_PX = 60  # no pyramid level has a side shorter than this
@@ -102,9 +102,9 @@ class Direct:
         self._config = config
         pyramid = build_pyramid(reference)
         if len(points_px):
-            centres = _patches.within(np.round(points_px).astype(np.int64), reference.shape, config.radius)
+            centres = _spread.within(np.round(points_px).astype(np.int64), reference.shape, config.radius)
         else:
-            centres = _patches.choose(reference, allowed, config.patches, config.radius, config.min_texture)
+            centres = _spread.choose(reference, allowed, config.patches, config.radius, config.min_texture)
         if config.subset != "all":
             centres = centres[config.subset == "odd" :: 2]
         self._fine = _patches.cut(reference, centres, config.radius)
@@ -114,7 +114,7 @@ class Direct:
     def _level(self, gray: Gray, allowed: BoolArray, level: int) -> Level:
         radius = self._config.radius
         small = cv2.resize(allowed.astype(np.uint8), gray.shape[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
-        centres = _patches.choose(gray, small, _COARSE_PATCHES, radius, self._config.min_texture)
+        centres = _spread.choose(gray, small, _COARSE_PATCHES, radius, self._config.min_texture)
         scale = level_scale(level)
         patches = _patches.cut(gray, centres, radius)
         apart = np.abs(apply(scale, self.reference_px)[None] - patches.centres[:, None]).max(axis=2, initial=0)

@@ -17,7 +17,7 @@ import numpy as np
 from stab_ros.core.config import Checked, setting
 from stab_ros.core.geometry import apply, is_plausible, level_scale, normalized
 from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography
-from stab_ros.methods import _patches
+from stab_ros.methods import _patches, _spread
 from stab_ros.methods.direct import build_pyramid
 
 _RADIUS_PX = 8  # half the side of a patch
@@ -60,7 +60,7 @@ class Ecc:
                  points_px: FloatArray = NO_POINTS) -> None:
         """reference: (h, w) uint8. allowed: (h, w) bool, what is static. It takes no `points_px`."""
         self._config = config
-        centres = _patches.choose(reference, allowed, _COUNT, _RADIUS_PX, config.min_texture)
+        centres = _spread.choose(reference, allowed, _COUNT, _RADIUS_PX, config.min_texture)
         self._patches = _patches.cut(reference, centres, _RADIUS_PX)
         self.reference_px: FloatArray = self._patches.centres.astype(np.float64)
         pyramid = build_pyramid(reference)[: config.levels]
