@@ -35,8 +35,8 @@ def measure(effort: Effort) -> Section:
     medians = {name: Spread.of(found).median for name, found in rates.items()}
     share = Spread.of(ratios).median
     rows = [(name, number(rate, 1)) for name, rate in medians.items()]
-    note = (f"{effort.recorded} frames, {_ROUNDS} rounds, medians. Engine: track and warp of pictures in memory. Bag to bag "
-            f"at {share:.2f} of its rate; target {TARGET:g}, {'met' if share >= TARGET else 'NOT met'}.")
+    note = (f"{effort.recorded} frames, {_ROUNDS} rounds, medians. Engine: track and warp of pictures in memory. Bag "
+            f"to bag at {share:.2f} of its rate; target {TARGET:g}, {'met' if share >= TARGET else 'NOT met'}.")
     table = Table(f"{HD[0]}x{HD[1]} mono8 on tmpfs", ("", "frames/s"), rows, note)
     return Section("Offline", [table], {"frames_per_s": medians, "share": share, "target": TARGET})
 

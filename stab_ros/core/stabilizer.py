@@ -43,7 +43,7 @@ from stab_ros.core.types import (
     State,
     Track,
 )
-from stab_ros.core.warp import INTERPOLATION, warp
+from stab_ros.core.warp import INTERPOLATION, Allocate, warp
 from stab_ros.core.window import Window
 from stab_ros.methods import METHODS
 
@@ -199,8 +199,11 @@ class Stabilizer:
         self._base, self._motion = before, self._motion.standing()
         return self._lost(index, frame.stamp_ns, len(pairs))
 
-    def warp(self, frame: Frame, track: Track) -> Image | None:
-        """The frame in the reference's place; what `on_lost` says for a lost one (None: nothing)."""
+    def warp(self, frame: Frame, track: Track, allocate: Allocate = np.empty) -> Image | None:
+        """The frame in the reference's place; what `on_lost` says for a lost one (None: nothing).
+
+        allocate: gives room for the result by shape and dtype; an unwarped frame needs none.
+        """
         H = track.ref_H_cur
         if H is None and self._config.on_lost == "pass":
             return frame.image
@@ -208,7 +211,8 @@ class Stabilizer:
             H = self._motion.last
         if H is None:
             return None
-        return warp(frame.image, H, frame.size, self._config.interpolation, self._camera, self.window)
+        return warp(frame.image, H, frame.size, self._config.interpolation, self._camera, self.window,
+                    allocate)
 
     @property
     def window(self) -> Window:

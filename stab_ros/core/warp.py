@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
 import cv2
 import numpy as np
 
@@ -16,21 +19,22 @@ INTERPOLATION = {
     "cubic": cv2.INTER_CUBIC,
     "lanczos": cv2.INTER_LANCZOS4,
 }
+Allocate: TypeAlias = Callable[[tuple[int, ...], np.dtype[Any]], Image]
 _WHOLE = Window()
 
 
 def warp(image: Image, ref_H_cur: Homography, size: tuple[int, int], interpolation: str, camera: Camera | None,
-         window: Window = _WHOLE, out: Image | None = None) -> Image:
+         window: Window = _WHOLE, allocate: Allocate = np.empty) -> Image:
     """`image` as seen from the reference of `size` (width, height): same channels and dtype, 0 beyond its border.
 
     With a camera whose lens distorts, distortion and homography are undone in one interpolation. window: which part of
-    the reference, and how large. out: where to, of the result's shape; None: a new picture.
+    the reference, and how large. allocate: gives room for the result by shape and dtype.
     """
     shrinking, made_size = window.shrinking, window.size(size)
     made_H_image = window.window_H_cur(ref_H_cur)
     if shrinking.level:
         image, made_H_image = shrinking.picture(image), made_H_image @ np.linalg.inv(shrinking.scale)
-    made = np.empty((made_size[1], made_size[0], *image.shape[2:]), image.dtype) if out is None else out
+    made = allocate((made_size[1], made_size[0], *image.shape[2:]), image.dtype)
     if camera is not None and camera.distorts:
         camera = camera.shrunk(shrinking) if shrinking.level else camera
         made[...] = camera.rectify(image, made_H_image, made_size, INTERPOLATION[interpolation])

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import functools
+import math
 import struct
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from stab_ros.core.frame_metrics import POINT_METRICS, UNITS, FrameMetrics, Outc
 from stab_ros.core.static_map import StaticMap
 from stab_ros.core.types import FloatArray, Frame, Homography, Image, Track
 from stab_ros.core.window import Window
+from stab_ros.io.new_bytes import new_bytes
 from stab_ros.io.pixels import decode_compressed, decode_image
 from stab_ros.io.text import number
 
@@ -227,13 +229,21 @@ def diagnostics_cdr(
 
 def image_cdr(image: Image, encoding: str, header: Header) -> bytes:
     """Image. The pixels are copied once, which is 20 times faster than the typestore for 4096x2160."""
-    pixels = np.ascontiguousarray(image)
-    height, width = pixels.shape[:2]
+    data, pixels = blank_image_cdr(image.shape, image.dtype, encoding, header)
+    pixels[...] = image
+    return data
+
+
+def blank_image_cdr(shape: tuple[int, ...], dtype: np.dtype[Any], encoding: str, header: Header) -> tuple[bytes, Image]:
+    """Image whose pixels are still to be filled, and those: (h, w) or (h, w, channels), perhaps not aligned."""
+    (height, width), nbytes = shape[:2], math.prod(shape) * dtype.itemsize
     message = ros.sensor_msgs__msg__Image(
         header=_header(header), height=height, width=width, encoding=encoding,
-        is_bigendian=int(sys.byteorder == "big"), step=pixels.nbytes // max(height, 1), data=_NO_PIXELS)
+        is_bigendian=int(sys.byteorder == "big"), step=nbytes // max(height, 1), data=_NO_PIXELS)
     head = typestore().serialize_cdr(message, IMAGE)  # ends with the length of data, 0, in native byte order
-    return b"".join((head[:-4], struct.pack("=I", pixels.nbytes), pixels.data))
+    data, octets = new_bytes(len(head) + nbytes)
+    octets[: len(head)] = np.frombuffer(bytes(head[:-4]) + struct.pack("=I", nbytes), np.uint8)
+    return data, np.ndarray(shape, dtype, octets.data, len(head))
 
 
 def _upper_triangle(covariance: FloatArray) -> str:

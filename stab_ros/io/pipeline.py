@@ -12,6 +12,8 @@ from stab_ros.core.static_map import StaticMap
 from stab_ros.core.types import Frame, Image, State, Track
 from stab_ros.io.bag import Message
 from stab_ros.io.homographies import HomographyWriter
+from stab_ros.io.messages import header_of
+from stab_ros.io.outgoing_image import OutgoingImage
 from stab_ros.io.overlap import Stage
 from stab_ros.io.source import Picture
 from stab_ros.io.stabilized_bag import StabilizedBag
@@ -25,15 +27,17 @@ ReadAgain = Callable[[int], Generator[Picture, None, None]]
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """One picture, its number in the input, its track, and the picture in the reference's place (None: not wanted).
+    """One picture, its number in the input, and its track.
 
-    static_map: where ground is, if that has become known or has changed with this picture.
+    image: the picture in the reference's place; None: not wanted. image_cdr: its message. static_map: where
+    ground is, if that has become known or has changed with this picture.
     """
 
     number: int
     picture: Picture
     track: Track
     image: Image | None
+    image_cdr: bytes | None
     reference_size: tuple[int, int] | None
     static_map: StaticMap | None = None
 
@@ -52,7 +56,7 @@ class Outputs:
 
     def write(self, result: Result) -> None:
         frame = result.picture.decoded
-        self.bag.write(result.picture, result.track, result.image, result.reference_size, result.static_map)
+        self.bag.write(result.picture, result.track, result.image_cdr, result.reference_size, result.static_map)
         if self.table is not None:
             self.table.write(result.number, result.track)
         if self.video is not None:
@@ -122,12 +126,17 @@ class PictureTracker:
         """Raises InputError if what the user gave does not fit the first reference; later that is a picture lost."""
         self._number += 1
         if isinstance(picture.decoded, MessageError):
-            return self._result(picture, self._lost(picture), None)
+            return self._result(picture, self._lost(picture))
         track = self._track(picture.decoded)
         if isinstance(track, InputError):
-            return self._result(replace(picture, decoded=MessageError(str(track))), self._lost(picture), None)
-        image = self._stabilizer.warp(picture.decoded, track) if self._need_image else None
-        return self._result(picture, track, image)
+            return self._result(replace(picture, decoded=MessageError(str(track))), self._lost(picture))
+        return self._result(picture, track, *(self._warped(picture.decoded, track) if self._need_image else ()))
+
+    def _warped(self, frame: Frame, track: Track) -> tuple[Image | None, bytes | None]:
+        """The picture in the reference's place, and its message."""
+        message = OutgoingImage(frame.encoding, header_of(frame))
+        image = self._stabilizer.warp(frame, track, message.allocate)
+        return image, None if image is None else message.cdr(image)
 
     def _track(self, frame: Frame) -> Track | InputError:
         """The answer for the picture whose turn it is, or why there is none."""
@@ -168,9 +177,10 @@ class PictureTracker:
         for track in answers:
             self._ahead[numbers[track.index]] = track
 
-    def _result(self, picture: Picture, track: Track, image: Image | None) -> Result:
+    def _result(self, picture: Picture, track: Track, image: Image | None = None,
+                image_cdr: bytes | None = None) -> Result:
         size = picture.decoded.size if track.tracked and isinstance(picture.decoded, Frame) else self._reference_size
-        return Result(self._number, picture, track, image, size, self._new_map(size))
+        return Result(self._number, picture, track, image, image_cdr, size, self._new_map(size))
 
     @property
     def _reference_size(self) -> tuple[int, int] | None:

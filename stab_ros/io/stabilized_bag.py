@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from stab_ros.core.camera import Camera
 from stab_ros.core.static_map import StaticMap
-from stab_ros.core.types import Frame, Image, Track
+from stab_ros.core.types import Frame, Track
 from stab_ros.core.window import Window
 from stab_ros.io.bag import BagWriter, Message, Topic, topic_of
 from stab_ros.io.messages import (
@@ -77,9 +77,9 @@ class StabilizedBag:
         if message.topic in self._taken_over:
             self._writer.write(message.topic, message.log_time_ns, message.publish_time_ns, message.data)
 
-    def write(self, picture: Picture, track: Track, image: Image | None, reference_size: tuple[int, int] | None,
+    def write(self, picture: Picture, track: Track, image: bytes | None, reference_size: tuple[int, int] | None,
               static_map: StaticMap | None) -> None:
-        """All messages of one frame, logged when the frame was. static_map: where it has changed."""
+        """All messages of one frame, logged when that was. image: its message. static_map: where it has changed."""
         if self._raw_topic.name in self._taken_over:
             self._write_raw(picture)
         frame = picture.decoded
@@ -92,7 +92,7 @@ class StabilizedBag:
         if static_map is not None:
             self._write(picture, self._names.static_map, static_map_cdr(static_map, header))
         if self._names.image is not None and image is not None:
-            self._write(picture, self._names.image, image_cdr(image, frame.encoding, header))
+            self._write(picture, self._names.image, image)
 
     def _write_raw(self, picture: Picture) -> None:
         frame = picture.decoded

@@ -145,6 +145,13 @@ def message_class(msgtype: str) -> Any:
         raise InputError(f"message type {msgtype} is not installed") from error
 
 
+def give_back_memory() -> None:
+    """Returns what is free to the system, after work that needs more than what follows (glibc)."""
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)
+
+
 def keep_freed_memory() -> None:
     """Lets malloc keep the blocks of past images for the next ones: a third less CPU for large frames (glibc)."""
     if any(name.startswith("MALLOC_") for name in os.environ):

@@ -34,12 +34,13 @@ from stab_ros.io.messages import (
     static_map_cdr,
     track_cdr,
 )
+from stab_ros.io.outgoing_image import OutgoingImage
 from stab_ros.nodes import params
 from stab_ros.nodes.camera_feed import CameraFeed
 from stab_ros.nodes.gap_counter import GapCounter
 from stab_ros.nodes.outlet import Outlet
 from stab_ros.nodes.qos import LATCHED, AdaptiveSubscription, keep_all_reliable, newest_only
-from stab_ros.nodes.runtime import StabNode
+from stab_ros.nodes.runtime import StabNode, give_back_memory
 from stab_ros.nodes.tracker_status import TrackerStatus
 from stab_ros.nodes.warm_up import warm_up
 
@@ -183,14 +184,16 @@ class TrackerNode(StabNode):
             self._publish_reference(reference)
         if reference is not None and static_map is not None and static_map is not self._published_map:
             self._published_map = static_map
+            give_back_memory()
             self.static_map.send(static_map_cdr(static_map, header_of(reference)))
 
     def _publish_images(self, frame: Frame, track: Track) -> None:
         header = header_of(frame)
         if self.stabilized.subscribers:
-            image = self.stabilizer.warp(frame, track)
+            message = OutgoingImage(frame.encoding, header)
+            image = self.stabilizer.warp(frame, track, message.allocate)
             if image is not None:
-                self.stabilized.send(image_cdr(image, frame.encoding, header))
+                self.stabilized.send(message.cdr(image))
         if self.debug_image.subscribers:
             self.debug_image.send(image_cdr(draw_debug(frame, self.stabilizer), "bgr8", header))
 

@@ -1,0 +1,20 @@
+"""Bytes that are filled after they were made: a picture goes straight into its message, without another copy."""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+from numpy.typing import NDArray
+
+# The C API's own way: bytes made of NULL are to be filled before anyone else sees them.
+_make = ctypes.pythonapi.PyBytes_FromStringAndSize
+_make.restype, _make.argtypes = ctypes.py_object, (ctypes.c_char_p, ctypes.c_ssize_t)
+_address_of = ctypes.pythonapi.PyBytes_AsString
+_address_of.restype, _address_of.argtypes = ctypes.c_void_p, (ctypes.py_object,)
+
+
+def new_bytes(size: int) -> tuple[bytes, NDArray[np.uint8]]:
+    """`size` bytes, and the same memory as (size,) uint8, valid as long as the bytes are kept; not initialised."""
+    made: bytes = _make(None, size)
+    return made, np.ctypeslib.as_array((ctypes.c_uint8 * size).from_address(_address_of(made)))
