@@ -47,7 +47,7 @@ def measure(effort: Effort) -> Section:
 def _of_preset(scene: Scene) -> dict[str, Errors]:
     """Errors in px by setting."""
     with tempfile.TemporaryDirectory() as folder:
-        mask = _written(scene.water, Path(folder) / "water.png")
+        mask = written(scene.water, Path(folder) / "water.png")
         settings: dict[str, dict[str, Value]] = {DIRECT: {}, EXCLUDE: {"exclude": str(mask)}, KLT: {"method": "klt"}}
         errors = {name: _errors(name, _engine(values, scene), scene, 1) for name, values in settings.items()}
     for recipe in (peers.orb_ransac(), peers.sift_magsac()):
@@ -55,7 +55,8 @@ def _of_preset(scene: Scene) -> dict[str, Errors]:
     return errors
 
 
-def _written(mask: BoolArray, path: Path) -> Path:
+def written(mask: BoolArray, path: Path) -> Path:
+    """The mask as a PNG."""
     cv2.imwrite(str(path), mask.astype(np.uint8) * 255)
     return path
 

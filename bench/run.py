@@ -24,6 +24,7 @@ import real_video
 import relief
 import speed
 import static_ground
+import uhd
 import uncertainty
 from effort import FULL, QUICK, Effort
 from tables import Section
@@ -31,6 +32,7 @@ from tables import Section
 SECTIONS: Mapping[str, Callable[[Effort], Section]] = {
     "speed": speed.measure,
     "accuracy": accuracy.measure,
+    "uhd": uhd.measure,
     "methods": methods.measure,
     "packages": packages.measure,
     "evaluation": evaluation.measure,

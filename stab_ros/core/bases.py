@@ -89,6 +89,8 @@ class Place:
         For any r > 0, (1 + 1/r) A + (1 + r) B bounds the covariance of a sum whose parts are correlated in a way that
         is not known; r is the ratio of the two sigmas.
         """
+        if self is REFERENCE:
+            return fit.covariance
         by_base, _ = product_jacobians(self.ref_H_base, self.to_base(fit.ref_H_cur))
         carried, own = by_base @ self.covariance @ by_base.T, fit.covariance
         before_px, added_px = (sigma_px(fit.ref_H_cur, part, size) for part in (carried, own))
