@@ -36,7 +36,7 @@ class Effort:
     plots: bool
 
 
-FULL = Effort(rendered=40, timed=(240, 160), peer_every=16, profiled=60, flight=40, stream=(2000, 300), video=None,
+FULL = Effort(rendered=40, timed=(240, 160), peer_every=16, profiled=60, flight=40, stream=(2000, 10000), video=None,
               sift_every=1, delivered=240, looped=31, live_s=60.0, recorded=400, methods=30, speckled=(10, 10),
               packages=30, uhd=17, plots=True)
 QUICK = Effort(rendered=8, timed=(24, 12), peer_every=12, profiled=12, flight=10, stream=(200, 20), video=12,

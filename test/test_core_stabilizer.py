@@ -117,7 +117,9 @@ def test_a_lost_frame_is_dropped_held_or_passed() -> None:
         images[on_lost] = done.image
     assert images["drop"] is None
     np.testing.assert_array_equal(images["pass"], lost)
-    np.testing.assert_array_equal(images["hold"], cv2.warpPerspective(lost, H, SIZE))
+    assert images["hold"] is not None
+    assert H is not None
+    np.testing.assert_allclose(images["hold"].astype(int), cv2.warpPerspective(lost, H, SIZE), atol=1)
 
 
 def test_hold_without_any_reference_gives_nothing() -> None:

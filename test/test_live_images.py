@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 import signal
+import threading
+import time
 from array import array
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -12,8 +15,11 @@ from diagnostic_msgs.msg import DiagnosticArray
 from live_graph import Graph, image_message, stamp_ns, values_of
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from truth import picture
 
+from stab_ros.core.geometry import shift
 from stab_ros.core.synthetic import Shot
+from stab_ros.io.messages import Header, image_cdr
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -37,6 +43,47 @@ def test_newest_frame_wins_and_drops_are_counted(graph: Graph, flight: list[Shot
     assert int(told["frames_dropped"]) > 0
     assert told["state"] == "TRACKED"
     assert float(told["latency_ms"]) > 0
+
+
+def test_a_tracker_that_is_too_slow_stays_current(graph: Graph) -> None:
+    """4K on one thread, by a method that takes several frames' time for one."""
+    tracker = graph.start("tracker_node", method="klt", start_s=0.0, threads=1, wait_for_subscribers=1)
+    diagnostics = graph.listen(DiagnosticArray, "/diagnostics", 1)
+    come: dict[int, float] = {}
+
+    def on_answer(answer: CameraInfo) -> None:
+        come[stamp_ns(answer) - 1] = time.monotonic()
+
+    graph.node.create_subscription(CameraInfo, "/homography", on_answer, 100)
+    camera = graph.speak(Image, "/image_raw", 1)
+    pictures = [np.kron(picture(shift(0.5 * k, 0.0), (1024, 540)), np.ones((4, 4), np.uint8)) for k in range(3)]
+    messages = [image_cdr(pictures[number % 3], "mono8", Header(number + 1)) for number in range(150)]
+    sent_s, used_mb = list[float](), list[float]()
+
+    def send() -> None:
+        for message in messages:
+            sent_s.append(time.monotonic())
+            camera.publish(message)
+            used_mb.append(anonymous_mb(tracker.process.pid))
+            time.sleep(max(0.0, sent_s[0] + len(sent_s) / 30 - time.monotonic()))
+
+    sending = threading.Thread(target=send)
+    sending.start()
+    graph.until(lambda: len(messages) - 1 in come, "the newest frame answered")
+    sending.join()
+    graph.until(lambda: diagnostics and values_of(diagnostics[-1])["frames_in"] == str(len(come)), "the report")
+    dropped = int(values_of(diagnostics[-1])["frames_dropped"])
+    assert len(come) + dropped == len(messages)
+    assert dropped > len(messages) / 4  # it is too slow
+    late_s = [come_s - sent_s[number] for number, come_s in come.items()]
+    longest_s = max(np.diff(list(come.values())))
+    assert max(late_s) < 3 * longest_s  # one in work, one waiting: a queue would add an interval for each place
+    assert used_mb[-1] < used_mb[50] + 20
+
+
+def anonymous_mb(pid: int) -> float:
+    """RssAnon of a process."""
+    return int(Path(f"/proc/{pid}/status").read_text(encoding="utf-8").partition("RssAnon:")[2].split()[0]) / 1024
 
 
 HOSTILE: dict[str, dict[str, object]] = {

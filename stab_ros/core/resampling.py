@@ -2,7 +2,7 @@
 
 There the pixels of a row come from one row too, side by side, over long runs: blocks of a row are interpolated with
 contiguous loads and fractions that grow evenly, which compilers turn into SIMD, where OpenCV gathers the four
-neighbours of every pixel anew. Places are exact at both ends of a block, and linear in between.
+neighbours of every pixel anew. Places are exact at both ends of a block, and a parabola in between.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from stab_ros.core.types import FloatArray, Homography, Image
 
 _LONG, _SHORT = 64, 16  # px of a block; where the longer one will not do, the shorter may
 _STEEPEST = 0.8 / _SHORT  # by how much a row, or a column, may drift off per px: beyond, OpenCV is quicker
-_BENT_PX = 0.01  # what the place in a block may differ from a straight line
+_BENT = 0.01  # by how much the depth may change along a block, relatively: places are off by its square, 0.002 px
 _LEAST_ROWS = 64  # that a thread is worth
 
 
@@ -31,8 +31,8 @@ def is_gentle(ref_H_cur: Homography, size: tuple[int, int]) -> bool:
     if not (np.isfinite(places).all() and depth.min() > 0):
         return False
     along = (cur_M_ref[:2, 0, None] - places[:2] / depth * cur_M_ref[2, 0]) / depth
-    bend_px = _LONG**2 / 4 * np.abs(cur_M_ref[2, 0] * along / depth).max()
-    return bool(np.abs(along - [[1.0], [0.0]]).max() < _STEEPEST and bend_px < _BENT_PX)
+    bent = _LONG * abs(cur_M_ref[2, 0]) / depth.min()
+    return bool(np.abs(along - [[1.0], [0.0]]).max() < _STEEPEST and bent < _BENT)
 
 
 def resample(image: Image, ref_H_cur: Homography, out: Image) -> None:
@@ -68,46 +68,63 @@ def _resample(image: Image, M: Homography, out: Image, place_of: FloatArray, pat
             if start < 0:
                 _one_by_one(image, M, out, pattern, 0, wide, y)
                 continue
-            x0, y0 = _place(M, start, y)
-            x1, y1 = _place(M, start + _LONG, y)
-            to = (y * wide + start) * channels
-            if (_steady(pixels, shape, made, to, place_of, pattern, _LONG, x0, y0, x1, y1)
-                    or _crossing(pixels, shape, made, to, place_of, pattern, _LONG, x0, y0, x1, y1)):
+            x0, y0, depth = _place(M, start, y)
+            x1, y1, deeper = _place(M, start + _LONG, y)
+            to, bent = (y * wide + start) * channels, deeper / depth - 1
+            if (_steady(pixels, shape, made, to, place_of, pattern, _LONG, x0, y0, x1, y1, bent)
+                    or _crossing(pixels, shape, made, to, place_of, pattern, _LONG, x0, y0, x1, y1, bent)):
                 continue
-            x_step, y_step = (x1 - x0) / _LONG, (y1 - y0) / _LONG
             for part in range(0, _LONG, _SHORT):
-                xa, ya, end = x0 + part * x_step, y0 + part * y_step, part + _SHORT
-                if not _crossing(pixels, shape, made, to + part * channels, place_of, pattern, _SHORT, xa, ya,
-                                 x0 + end * x_step, y0 + end * y_step):
+                end = part + _SHORT
+                a, b = _along(part / _LONG, bent), _along(end / _LONG, bent)
+                if not _crossing(pixels, shape, made, to + part * channels, place_of, pattern, _SHORT,
+                                 x0 + a * (x1 - x0), y0 + a * (y1 - y0), x0 + b * (x1 - x0), y0 + b * (y1 - y0),
+                                 bent * _SHORT / _LONG):
                     _one_by_one(image, M, out, pattern, start + part, start + end, y)
 
 
 @numba.njit(nogil=True, fastmath=True, inline="always")
 def _place(M: Homography, x: float, y: float) -> Any:
-    """Where in the picture a pixel of the result lies."""
-    depth = 1 / (M[2, 0] * x + M[2, 1] * y + M[2, 2])
-    return (M[0, 0] * x + M[0, 1] * y + M[0, 2]) * depth, (M[1, 0] * x + M[1, 1] * y + M[1, 2]) * depth
+    """Where in the picture a pixel of the result lies, and its depth."""
+    depth = M[2, 0] * x + M[2, 1] * y + M[2, 2]
+    inverse = 1 / depth
+    return (M[0, 0] * x + M[0, 1] * y + M[0, 2]) * inverse, (M[1, 0] * x + M[1, 1] * y + M[1, 2]) * inverse, depth
+
+
+@numba.njit(nogil=True, fastmath=True, inline="always")
+def _along(s: float, bent: float) -> Any:
+    """How far from one end of a block to the other, in the picture, what is a share `s` of the way in the result.
+
+    s (1 + bent) / (1 + s bent), to second order.
+    """
+    return s + bent * s * (1 - s)
 
 
 # Indices of values are unsigned: numba would ask of each signed one whether it counts from the end.
 @numba.njit(nogil=True, fastmath=True, inline="always")
 def _steady(pixels: Image, shape: tuple[int, int], made: Image, to: int, place_of: FloatArray, pattern: tuple[int, ...],
-            length: int, x0: float, y0: float, x1: float, y1: float) -> bool:
+            length: int, x0: float, y0: float, x1: float, y1: float, bent: float) -> bool:
     """A block whose pixels each lie between the same two rows, and as far along; False where that is not so.
 
-    x0, y0, x1, y1: where its first pixel lies, and the one after its last.
+    x0, y0, x1, y1: where its first pixel lies, and the one after its last. bent: see `_along`.
     """
     channels, (height, pitch) = len(pattern), shape
-    column, row = int(np.floor(min(x0, x1 - length))), int(np.floor(min(y0, y1)))
-    if (max(x0, x1 - length) >= column + 1 or max(y0, y1) >= row + 1 or column < 0 or row < 0
+    x_step, y_step = (x1 - x0) / length, (y1 - y0) / length
+    x_bend, y_bend = bent * x_step / length, bent * y_step / length
+    sag_x, sag_y = abs(x_bend) * length**2 / 4, abs(y_bend) * length**2 / 4
+    column, row = int(np.floor(min(x0, x1 - length) - sag_x)), int(np.floor(min(y0, y1) - sag_y))
+    if (max(x0, x1 - length) + sag_x >= column + 1 or max(y0, y1) + sag_y >= row + 1 or column < 0 or row < 0
             or (column + length) * channels >= pitch or row + 1 >= height):
         return False
     at, to_value = np.uint64(row * pitch + column * channels), np.uint64(to)
     right, down = np.uint64(channels), np.uint64(pitch)
-    fx0, fx_step = np.float32(x0 - column), np.float32((x1 - x0) / length - 1)
-    fy0, fy_step = np.float32(y0 - row), np.float32((y1 - y0) / length)
+    fx0, fx_step, fx_bend = np.float32(x0 - column), np.float32(x_step - 1), np.float32(x_bend)
+    fy0, fy_step, fy_bend = np.float32(y0 - row), np.float32(y_step), np.float32(y_bend)
+    whole = np.float32(length)
     for k in range(np.uint64(length * len(pattern))):
-        fx, fy = fx0 + fx_step * place_of[k], fy0 + fy_step * place_of[k]
+        p = place_of[k]
+        curve = p * (whole - p)
+        fx, fy = fx0 + fx_step * p + fx_bend * curve, fy0 + fy_step * p + fy_bend * curve
         a, b = np.float32(pixels[at + k]), np.float32(pixels[at + k + right])
         c, d = np.float32(pixels[at + down + k]), np.float32(pixels[at + down + k + right])
         upper, lower = a + fx * (b - a), c + fx * (d - c)
@@ -117,20 +134,26 @@ def _steady(pixels: Image, shape: tuple[int, int], made: Image, to: int, place_o
 
 @numba.njit(nogil=True, fastmath=True, inline="always")
 def _crossing(pixels: Image, shape: tuple[int, int], made: Image, to: int, place_of: FloatArray,
-              pattern: tuple[int, ...], length: int, x0: float, y0: float, x1: float, y1: float) -> bool:
+              pattern: tuple[int, ...], length: int, x0: float, y0: float, x1: float, y1: float, bent: float) -> bool:
     """The same where a row, or a column, may be crossed once: of three, with those weights that are not 0."""
     channels, (height, pitch) = len(pattern), shape
-    column, row = int(np.floor(min(x0, x1 - length))), int(np.floor(min(y0, y1)))
-    if (max(x0, x1 - length) >= column + 2 or max(y0, y1) >= row + 2 or column < 0 or row < 0
+    x_step, y_step = (x1 - x0) / length, (y1 - y0) / length
+    x_bend, y_bend = bent * x_step / length, bent * y_step / length
+    sag_x, sag_y = abs(x_bend) * length**2 / 4, abs(y_bend) * length**2 / 4
+    column, row = int(np.floor(min(x0, x1 - length) - sag_x)), int(np.floor(min(y0, y1) - sag_y))
+    if (max(x0, x1 - length) + sag_x >= column + 2 or max(y0, y1) + sag_y >= row + 2 or column < 0 or row < 0
             or (column + length + 1) * channels >= pitch or row + 2 >= height):
         return False
     at, to_value = np.uint64(row * pitch + column * channels), np.uint64(to)
     right, down = np.uint64(channels), np.uint64(pitch)
-    fx0, fx_step = np.float32(x0 - column), np.float32((x1 - x0) / length - 1)
-    fy0, fy_step = np.float32(y0 - row), np.float32((y1 - y0) / length)
+    fx0, fx_step, fx_bend = np.float32(x0 - column), np.float32(x_step - 1), np.float32(x_bend)
+    fy0, fy_step, fy_bend = np.float32(y0 - row), np.float32(y_step), np.float32(y_bend)
+    whole = np.float32(length)
     zero, one = np.float32(0), np.float32(1)
     for k in range(np.uint64(length * len(pattern))):
-        fx, fy = fx0 + fx_step * place_of[k], fy0 + fy_step * place_of[k]
+        p = place_of[k]
+        curve = p * (whole - p)
+        fx, fy = fx0 + fx_step * p + fx_bend * curve, fy0 + fy_step * p + fy_bend * curve
         beyond_x, beyond_y = max(fx - one, zero), max(fy - one, zero)
         fx, fy = min(fx, one), min(fy, one)
         upper = _between(pixels, at + k, right, fx, beyond_x)
@@ -153,7 +176,7 @@ def _one_by_one(image: Image, M: Homography, out: Image, pattern: tuple[int, ...
     """Pixels at the border of the picture and beyond, where there is nothing but 0."""
     channels, height, width = len(pattern), image.shape[0], image.shape[1] // len(pattern)
     for x in range(start, end):
-        x_px, y_px = _place(M, x, y)
+        x_px, y_px, _depth = _place(M, x, y)
         column, row = int(np.floor(x_px)), int(np.floor(y_px))
         fx, fy = x_px - column, y_px - row
         for channel in range(channels):
