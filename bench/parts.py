@@ -14,7 +14,7 @@ from stab_ros.io.engine import make_stabilizer
 
 # what is told apart, by file and function; none of them calls another of them
 PARTS = {
-    "pyramid of the frame": ("direct", "build_pyramid"),
+    "pyramid of the frame, where it jumps": ("direct", "build_pyramid"),
     "sampling patches": ("_patches", "measure"),
     "fits between samplings": ("estimators", "refine"),
     "final fit": ("estimators", "fit"),
@@ -51,5 +51,5 @@ def _shares(profiler: cProfile.Profile) -> Shares:
         for entry in profiler.getstats() if not isinstance(entry.code, str)  # those are built in
     }
     whole_s = spent_s[_WHOLE]
-    shares = {part: spent_s[where] / whole_s for part, where in PARTS.items()}
+    shares = {part: spent_s.get(where, 0.0) / whole_s for part, where in PARTS.items()}
     return Shares(shares | {"everything else": 1 - sum(shares.values())})
