@@ -17,8 +17,8 @@ from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image
 
+from stab_ros.core.memory import keep_freed_memory
 from stab_ros.io.bag import open_bag
-from stab_ros.nodes.runtime import keep_freed_memory
 from stab_ros.nodes.transport import use_profile
 
 _BEFORE, _STAMP_END = 4, 12  # bytes of a serialised message: what comes before its stamp, and with it

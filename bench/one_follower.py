@@ -17,8 +17,8 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import CameraInfo, Image
 
+from stab_ros.core.memory import keep_freed_memory
 from stab_ros.io.messages import read_stamp
-from stab_ros.nodes.runtime import keep_freed_memory
 from stab_ros.nodes.transport import use_profile
 
 

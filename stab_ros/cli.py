@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from stab_ros import __version__
 from stab_ros.core.errors import InputError, StabRosError
+from stab_ros.core.memory import keep_freed_memory
 from stab_ros.io.text import one_line
 from stab_ros.options import Parser, assignment, names, positive_float, positive_int, seconds
 
@@ -35,6 +36,7 @@ _PLAY_OPTIONS = ("rate", "loop", "start_offset", "clock", "wait_for_subscribers"
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one command and gives its exit code; every error that is not a bug ends here."""
     options = _parser().parse_args(arguments)
+    keep_freed_memory()
     run: Callable[[argparse.Namespace], int] = options.run
     try:
         code = run(options)

@@ -119,6 +119,20 @@ def test_stamps_that_stand_still_do_not_defer_for_ever() -> None:
     assert sum(answered) >= 120
 
 
+def test_a_start_whose_first_frames_are_missing_lasts_longer() -> None:
+    """As live, where taking in a large reference may take the time of the whole start."""
+    stabilizer = make_stabilizer({"start_s": 0.4})  # ten frames
+    numbers = [0, *range(12, 20)]
+    given = [len(stabilizer.answers(frame(picture(translation(0.3 * number, 0.1)), number))) for number in numbers]
+    assert given == [1, 0, 0, 0, 0, 0, 6, 1, 1]
+
+
+def test_a_start_without_frames_does_not_last_for_ever() -> None:
+    stabilizer = make_stabilizer({"start_s": 0.4})
+    given = [len(stabilizer.answers(frame(picture(), number))) for number in (0, 31, 32)]
+    assert given == [1, 1, 1]
+
+
 def test_a_reset_within_the_start_answers_what_came_before() -> None:
     stabilizer = make_stabilizer({})
     for number in range(4):

@@ -19,7 +19,8 @@ from stab_ros.core.survey import Survey, Trajectories
 from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography
 
 _LEAST_FEATURES = 48  # with fewer there is nothing to choose between
-_ENOUGH_FRAMES, _PATIENCE = 8, 3  # with fewer it may take so many times as long: some may have been dropped
+# if less of it was seen, as where the first frames were dropped, it may take so many times as long
+_SEEN_SHARE, _PATIENCE = 0.5, 3
 _MOST_FRAMES = 120  # where stamps do not advance
 
 
@@ -76,9 +77,10 @@ class Deferral:
         """Whether the last frame has brought the start to its end."""
         if not self._stamps_ns:
             return False
-        frames, elapsed_ns = len(self._stamps_ns), self._stamps_ns[-1] - self._start_ns
-        long = elapsed_ns >= self._duration_ns * (1 if frames >= _ENOUGH_FRAMES else _PATIENCE)
-        return long or elapsed_ns < 0 or frames >= _MOST_FRAMES
+        first_ns, last_ns = self._stamps_ns[0], self._stamps_ns[-1]
+        elapsed_ns, enough = last_ns - self._start_ns, last_ns - first_ns >= _SEEN_SHARE * self._duration_ns
+        long = elapsed_ns >= self._duration_ns * (1 if enough else _PATIENCE)
+        return long or elapsed_ns < 0 or len(self._stamps_ns) >= _MOST_FRAMES
 
     def follow(self, index: int, stamp_ns: int, gray: Gray) -> None:
         """Takes the next frame, (h, w) uint8."""

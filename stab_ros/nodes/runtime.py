@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
 import importlib
-import os
 import re
 import time
 from collections.abc import Callable, Mapping
@@ -21,13 +19,13 @@ from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
 
 from stab_ros.core.errors import ConfigError, InputError
+from stab_ros.core.memory import keep_freed_memory
 from stab_ros.io.messages import diagnostics_cdr
 from stab_ros.nodes.stopping import StopRequest
 from stab_ros.nodes.transport import use_profile
 
 _STEP_S = 0.1  # how long a wait may last before the wish to stop is looked at
 _SETTLED_S = 0.2  # without a message for so long, the queues are empty
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # malloc.h
 
 
 class Spinner:
@@ -143,20 +141,3 @@ def message_class(msgtype: str) -> Any:
         return getattr(importlib.import_module(f"{named[1]}.msg"), named[2])
     except (ImportError, AttributeError) as error:
         raise InputError(f"message type {msgtype} is not installed") from error
-
-
-def give_back_memory() -> None:
-    """Returns what is free to the system, after work that needs more than what follows (glibc)."""
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
-    if trim is not None:
-        trim(0)
-
-
-def keep_freed_memory() -> None:
-    """Lets malloc keep the blocks of past images for the next ones: a third less CPU for large frames (glibc)."""
-    if any(name.startswith("MALLOC_") for name in os.environ):
-        return  # the user has tuned it
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
-    if mallopt is not None:
-        mallopt(_M_MMAP_THRESHOLD, 1 << 26)
-        mallopt(_M_TRIM_THRESHOLD, 1 << 27)

@@ -17,6 +17,7 @@ from std_srvs.srv import Trigger
 from stab_ros.core.config import Checked, Value, setting
 from stab_ros.core.debug import draw_debug
 from stab_ros.core.errors import InputError
+from stab_ros.core.memory import give_back_memory
 from stab_ros.core.parameters import PARAMETERS, check_change, table_with_preset
 from stab_ros.core.stabilizer import Stabilizer
 from stab_ros.core.static_map import StaticMap
@@ -40,7 +41,7 @@ from stab_ros.nodes.camera_feed import CameraFeed
 from stab_ros.nodes.gap_counter import GapCounter
 from stab_ros.nodes.outlet import Outlet
 from stab_ros.nodes.qos import LATCHED, AdaptiveSubscription, keep_all_reliable, newest_only
-from stab_ros.nodes.runtime import StabNode, give_back_memory
+from stab_ros.nodes.runtime import StabNode
 from stab_ros.nodes.tracker_status import TrackerStatus
 from stab_ros.nodes.warm_up import warm_up
 
