@@ -27,11 +27,11 @@ _HERE = Path(__file__).resolve().parent
 _DOMAIN, _LOOK_S = 72, 0.1
 _SETTLING_S = 2.0  # at the beginning, while answers are deferred
 _HEAD = ("stream", "rate, Hz", "sent", "homographies", "median, ms", "95 %", "max", "images", "median, ms", "95 %",
-         "max", "first, s", "CPU, ms", "MB")
+         "max", "first, s", "dropped at first", "CPU, ms", "MB")
 _NOTE = ("Later than the first {:g} s, in which answers are deferred. How late: from publication of the picture to "
          "reception, in another process, of its homography and of the stabilised picture. First: the same of the first "
-         "picture's homography. CPU: of the tracker, per picture. MB: its RssAnon after a tenth of the time and at the "
-         "end.")
+         "picture's homography, and how many pictures of those first seconds were dropped. CPU: of the tracker, per "
+         "picture. MB: its RssAnon after a tenth of the time and at the end.")
 
 
 @dataclass(frozen=True)
@@ -85,6 +85,7 @@ class Outcome:
     homographies: list[float]
     images: list[float]
     first_s: float
+    dropped_at_first: int
     cpu_ms: float
     anonymous_mb: tuple[float, float]
 
@@ -152,8 +153,9 @@ def _outcome(sent_ns: list[int], said: Mapping[str, list[tuple[int, float]]], sa
     homographies, images = ([late for stamp, late in said[what] if stamp >= begin_ns]
                             for what in ("homographies", "images"))
     first_s = said["homographies"][0][1] / 1e3
-    return Outcome(len(sent), homographies, images, first_s, 1e3 * (end.processor_s - begin.processor_s) / len(sent),
-                   (early.anonymous_mb, end.anonymous_mb))
+    dropped = len(sent_ns) - len(sent) - (len(said["homographies"]) - len(homographies))
+    cpu_ms = 1e3 * (end.processor_s - begin.processor_s) / len(sent)
+    return Outcome(len(sent), homographies, images, first_s, dropped, cpu_ms, (early.anonymous_mb, end.anonymous_mb))
 
 
 def _row(case: Case, outcome: Outcome) -> tuple[str, ...]:
@@ -162,10 +164,10 @@ def _row(case: Case, outcome: Outcome) -> tuple[str, ...]:
         spread = Spread.of(late)
         cells += [str(spread.count), *(number(value, 1) for value in (spread.median, spread.p95, spread.max))]
     used_mb = " ".join(number(mb, 0) for mb in outcome.anonymous_mb)
-    return (*cells, number(outcome.first_s, 2), number(outcome.cpu_ms, 1), used_mb)
+    return (*cells, number(outcome.first_s, 2), str(outcome.dropped_at_first), number(outcome.cpu_ms, 1), used_mb)
 
 
 def _data(outcome: Outcome) -> dict[str, object]:
-    return {"sent": outcome.sent, "first_s": outcome.first_s, "cpu_ms": outcome.cpu_ms,
-            "anonymous_mb": outcome.anonymous_mb, "homographies_ms": Spread.of(outcome.homographies).data(),
-            "images_ms": Spread.of(outcome.images).data()}
+    told = {name: value for name, value in asdict(outcome).items() if name not in ("homographies", "images")}
+    return told | {"homographies_ms": Spread.of(outcome.homographies).data(),
+                   "images_ms": Spread.of(outcome.images).data()}

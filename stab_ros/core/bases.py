@@ -76,7 +76,8 @@ class Place:
         back = np.linalg.inv(point_jacobian(self.ref_H_base, pairs.reference_px))
         information = back.transpose(0, 2, 1) @ pairs.information @ back
         reference_px = apply(self.ref_H_base, pairs.reference_px)
-        return replace(pairs, reference_px=reference_px, information=information)
+        H = None if pairs.ref_H_cur is None else self.to_reference(pairs.ref_H_cur)
+        return replace(pairs, reference_px=reference_px, information=information, ref_H_cur=H)
 
     def chained(self, fit: Fit) -> Fit:
         """A fit of base_H_cur as one of ref_H_cur; its covariance still leaves out that of the base."""
@@ -150,8 +151,8 @@ class Base:
         pairs = self._method.match(gray, near, self._features.trust)
         trust, carried = self._features.trust[pairs.feature_id], self.place.carried(pairs)
         if not chain:
-            return carried, solve(carried, guess, trust)
-        fit = solve(pairs, near, trust)
+            return carried, solve(carried, guess if carried.ref_H_cur is None else carried.ref_H_cur, trust)
+        fit = solve(pairs, near if pairs.ref_H_cur is None else pairs.ref_H_cur, trust)
         return carried, None if fit is None else self.place.chained(fit)
 
     @cached_property

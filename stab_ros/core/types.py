@@ -64,12 +64,14 @@ class Correspondences:
     feature_id: (N,) int64, stable over the frames of one reference, within [0, Method.features).
     reference_px, current_px: (N, 2) float64.
     information: (N, 2, 2) float64, inverse covariance of the reference-side displacement, 1/px^2.
+    ref_H_cur: where the method put the frame to find them, for a fit to start from; None: it needed no such place.
     """
 
     feature_id: IdArray
     reference_px: FloatArray
     current_px: FloatArray
     information: FloatArray
+    ref_H_cur: Homography | None = None
 
     def __post_init__(self) -> None:
         n = len(self.feature_id)
@@ -81,9 +83,8 @@ class Correspondences:
         return len(self.feature_id)
 
     def __getitem__(self, keep: BoolArray | IdArray | slice) -> Correspondences:
-        return Correspondences(
-            self.feature_id[keep], self.reference_px[keep], self.current_px[keep], self.information[keep]
-        )
+        return Correspondences(self.feature_id[keep], self.reference_px[keep], self.current_px[keep],
+                               self.information[keep], self.ref_H_cur)
 
 
 @dataclass(frozen=True, eq=False)

@@ -177,7 +177,7 @@ class Direct:
         found = near & (measured.correlation >= self._config.min_correlation)
         reference_px = patches.centres[chosen[found]].astype(np.float64)
         current_px = apply(cur_H_ref, reference_px + measured.displacement[found])
-        return Correspondences(chosen[found], reference_px, current_px, measured.information[found])
+        return Correspondences(chosen[found], reference_px, current_px, measured.information[found], H)
 
 
 def _agrees(pairs: Correspondences, H: Homography, trust: FloatArray) -> bool:
