@@ -17,7 +17,7 @@ from stab_ros.core.threads import in_parallel
 from stab_ros.core.types import FloatArray, Homography, Image
 
 _LONG, _SHORT = 64, 16  # px of a block; where the longer one will not do, the shorter may
-_STEEPEST = 0.8 / _SHORT  # by how much a row, or a column, may drift off per px: beyond, OpenCV is quicker
+_STEEPEST = 0.65 / _SHORT  # by how much a row, or a column, may drift off per px: beyond, OpenCV is quicker
 _BENT = 0.01  # by how much the depth may change along a block, relatively: places are off by its square, 0.002 px
 _LEAST_ROWS = 64  # that a thread is worth
 
@@ -100,6 +100,26 @@ def _along(s: float, bent: float) -> Any:
     return s + bent * s * (1 - s)
 
 
+@numba.njit(nogil=True, fastmath=True, inline="always")
+def _course(length: int, x0: float, y0: float, x1: float, y1: float, bent: float) -> Any:
+    """How the place in the picture runs along a block: steps and bends in x and y, the column and row it begins in.
+
+    The last one: how often it then crosses a row, or a column that moves along.
+    """
+    x_step, y_step = (x1 - x0) / length, (y1 - y0) / length
+    x_bend, y_bend = bent * x_step / length, bent * y_step / length
+    x_sag, y_sag = abs(x_bend) * length**2 / 4, abs(y_bend) * length**2 / 4
+    column, row = np.floor(min(x0, x1 - length) - x_sag), np.floor(min(y0, y1) - y_sag)
+    crossed = max(np.floor(max(x0, x1 - length) + x_sag) - column, np.floor(max(y0, y1) + y_sag) - row)
+    return x_step, y_step, x_bend, y_bend, int(column), int(row), int(crossed)
+
+
+@numba.njit(nogil=True, fastmath=True, inline="always")
+def _holds(shape: tuple[int, int], channels: int, column: int, row: int, columns: int, rows: int) -> bool:
+    """Whether the picture has so many columns and rows from there on."""
+    return column >= 0 and row >= 0 and (column + columns) * channels <= shape[1] and row + rows <= shape[0]
+
+
 # Indices of values are unsigned: numba would ask of each signed one whether it counts from the end.
 @numba.njit(nogil=True, fastmath=True, inline="always")
 def _steady(pixels: Image, shape: tuple[int, int], made: Image, to: int, place_of: FloatArray, pattern: tuple[int, ...],
@@ -108,19 +128,13 @@ def _steady(pixels: Image, shape: tuple[int, int], made: Image, to: int, place_o
 
     x0, y0, x1, y1: where its first pixel lies, and the one after its last. bent: see `_along`.
     """
-    channels, (height, pitch) = len(pattern), shape
-    x_step, y_step = (x1 - x0) / length, (y1 - y0) / length
-    x_bend, y_bend = bent * x_step / length, bent * y_step / length
-    sag_x, sag_y = abs(x_bend) * length**2 / 4, abs(y_bend) * length**2 / 4
-    column, row = int(np.floor(min(x0, x1 - length) - sag_x)), int(np.floor(min(y0, y1) - sag_y))
-    if (max(x0, x1 - length) + sag_x >= column + 1 or max(y0, y1) + sag_y >= row + 1 or column < 0 or row < 0
-            or (column + length) * channels >= pitch or row + 1 >= height):
+    x_step, y_step, x_bend, y_bend, column, row, crossed = _course(length, x0, y0, x1, y1, bent)
+    if crossed > 0 or not _holds(shape, len(pattern), column, row, length + 1, 2):
         return False
-    at, to_value = np.uint64(row * pitch + column * channels), np.uint64(to)
-    right, down = np.uint64(channels), np.uint64(pitch)
+    at, into = np.uint64(row * shape[1] + column * len(pattern)), np.uint64(to)
+    right, down, whole = np.uint64(len(pattern)), np.uint64(shape[1]), np.float32(length)
     fx0, fx_step, fx_bend = np.float32(x0 - column), np.float32(x_step - 1), np.float32(x_bend)
     fy0, fy_step, fy_bend = np.float32(y0 - row), np.float32(y_step), np.float32(y_bend)
-    whole = np.float32(length)
     for k in range(np.uint64(length * len(pattern))):
         p = place_of[k]
         curve = p * (whole - p)
@@ -128,7 +142,7 @@ def _steady(pixels: Image, shape: tuple[int, int], made: Image, to: int, place_o
         a, b = np.float32(pixels[at + k]), np.float32(pixels[at + k + right])
         c, d = np.float32(pixels[at + down + k]), np.float32(pixels[at + down + k + right])
         upper, lower = a + fx * (b - a), c + fx * (d - c)
-        made[to_value + k] = np.int32(upper + fy * (lower - upper) + np.float32(0.5))
+        made[into + k] = np.int32(upper + fy * (lower - upper) + np.float32(0.5))
     return True
 
 
@@ -136,19 +150,13 @@ def _steady(pixels: Image, shape: tuple[int, int], made: Image, to: int, place_o
 def _crossing(pixels: Image, shape: tuple[int, int], made: Image, to: int, place_of: FloatArray,
               pattern: tuple[int, ...], length: int, x0: float, y0: float, x1: float, y1: float, bent: float) -> bool:
     """The same where a row, or a column, may be crossed once: of three, with those weights that are not 0."""
-    channels, (height, pitch) = len(pattern), shape
-    x_step, y_step = (x1 - x0) / length, (y1 - y0) / length
-    x_bend, y_bend = bent * x_step / length, bent * y_step / length
-    sag_x, sag_y = abs(x_bend) * length**2 / 4, abs(y_bend) * length**2 / 4
-    column, row = int(np.floor(min(x0, x1 - length) - sag_x)), int(np.floor(min(y0, y1) - sag_y))
-    if (max(x0, x1 - length) + sag_x >= column + 2 or max(y0, y1) + sag_y >= row + 2 or column < 0 or row < 0
-            or (column + length + 1) * channels >= pitch or row + 2 >= height):
+    x_step, y_step, x_bend, y_bend, column, row, crossed = _course(length, x0, y0, x1, y1, bent)
+    if crossed > 1 or not _holds(shape, len(pattern), column, row, length + 2, 3):
         return False
-    at, to_value = np.uint64(row * pitch + column * channels), np.uint64(to)
-    right, down = np.uint64(channels), np.uint64(pitch)
+    at, into = np.uint64(row * shape[1] + column * len(pattern)), np.uint64(to)
+    right, down, whole = np.uint64(len(pattern)), np.uint64(shape[1]), np.float32(length)
     fx0, fx_step, fx_bend = np.float32(x0 - column), np.float32(x_step - 1), np.float32(x_bend)
     fy0, fy_step, fy_bend = np.float32(y0 - row), np.float32(y_step), np.float32(y_bend)
-    whole = np.float32(length)
     zero, one = np.float32(0), np.float32(1)
     for k in range(np.uint64(length * len(pattern))):
         p = place_of[k]
@@ -159,7 +167,7 @@ def _crossing(pixels: Image, shape: tuple[int, int], made: Image, to: int, place
         upper = _between(pixels, at + k, right, fx, beyond_x)
         middle = _between(pixels, at + down + k, right, fx, beyond_x)
         lower = _between(pixels, at + down + down + k, right, fx, beyond_x)
-        made[to_value + k] = np.int32(upper + fy * (middle - upper) + beyond_y * (lower - middle) + np.float32(0.5))
+        made[into + k] = np.int32(upper + fy * (middle - upper) + beyond_y * (lower - middle) + np.float32(0.5))
     return True
 
 

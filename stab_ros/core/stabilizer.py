@@ -211,8 +211,7 @@ class Stabilizer:
             H = self._motion.last
         if H is None:
             return None
-        return warp(frame.image, H, frame.size, self._config.interpolation, self._camera, self.window,
-                    allocate)
+        return warp(frame.image, H, frame.size, self._config.interpolation, self._camera, self.window, allocate)
 
     @property
     def window(self) -> Window:

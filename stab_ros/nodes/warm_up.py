@@ -9,12 +9,13 @@ import numpy as np
 
 from stab_ros.core.config import Value
 from stab_ros.core.evaluation import Arrival
-from stab_ros.core.types import Frame, Gray
+from stab_ros.core.types import Frame, Gray, Image
 from stab_ros.io.engine import make_evaluator, make_stabilizer
 from stab_ros.io.messages import IMAGE, Header, image_cdr, read_image
 
 _SIZE = (320, 240)
 _START = 4  # frames
+_COLOURED = {"bgr8": cv2.COLOR_GRAY2BGR, "bgra8": cv2.COLOR_GRAY2BGRA}
 _OF_THE_STREAM = ("roi", "exclude", "points_file", "manual_points")  # what refers to pixels of the real reference
 
 
@@ -25,7 +26,9 @@ def warm_up(values: Mapping[str, Value]) -> None:
         for stamp_ns in range(_START):
             stabilizer.answers(_received(_texture(shift_px=stamp_ns), encoding, stamp_ns))
         stabilizer.finish()
-        stabilizer.step(_received(_texture(shift_px=_START), encoding, _START))
+        track = stabilizer.step(_received(_texture(shift_px=_START), encoding, _START)).track
+        for other in ("bgra8", "mono16"):  # the same to the tracker, but warped by kernels of their own
+            stabilizer.warp(_received(_texture(shift_px=0), other, 0), track)
 
 
 def warm_up_evaluator(values: Mapping[str, Value]) -> None:
@@ -47,5 +50,7 @@ def _texture(shift_px: int) -> Gray:
 
 
 def _received(gray: Gray, encoding: str, stamp_ns: int) -> Frame:
-    image = gray if encoding == "mono8" else cv2.cvtColor(gray, cv2.COLOR_GRAY2BGR)
+    image: Image = gray.astype(np.uint16) if encoding == "mono16" else gray
+    if encoding in _COLOURED:
+        image = cv2.cvtColor(gray, _COLOURED[encoding])
     return read_image(image_cdr(image, encoding, Header(stamp_ns)), IMAGE)
