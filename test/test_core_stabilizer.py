@@ -119,7 +119,7 @@ def test_a_lost_frame_is_dropped_held_or_passed() -> None:
     np.testing.assert_array_equal(images["pass"], lost)
     assert images["hold"] is not None
     assert H is not None
-    np.testing.assert_allclose(images["hold"].astype(int), cv2.warpPerspective(lost, H, SIZE), atol=1)
+    np.testing.assert_allclose(images["hold"].astype(int), cv2.warpPerspective(lost, H, SIZE), atol=9)
 
 
 def test_hold_without_any_reference_gives_nothing() -> None:
