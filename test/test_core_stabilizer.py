@@ -224,7 +224,7 @@ IRREGULAR_MS = {
 
 
 @pytest.mark.parametrize("kind", list(IRREGULAR_MS))
-@pytest.mark.parametrize("method", list(METHODS))
+@pytest.mark.parametrize("method", ["direct", "klt", "akaze"])  # with a guess, with pictures of its own, and without
 def test_stamps_of_any_kind_do_no_harm(method: str, kind: str) -> None:
     stabilizer = make_stabilizer({"method": method})
     for index, at_ms in enumerate(IRREGULAR_MS[kind]):
