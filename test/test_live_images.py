@@ -26,7 +26,7 @@ BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def test_newest_frame_wins_and_drops_are_counted(graph: Graph, flight: list[Shot]) -> None:
-    tracker = graph.start("tracker_node", queue_depth=1, wait_for_subscribers=1)
+    tracker = graph.start("tracker_node", queue_depth=1, start_s=0.0, stale_s=60.0, wait_for_subscribers=1)
     diagnostics = graph.listen(DiagnosticArray, "/diagnostics", 1)
     answers = graph.listen(CameraInfo, "/homography")
     camera = graph.speak(Image, "/image_raw", 1)
@@ -47,7 +47,8 @@ def test_newest_frame_wins_and_drops_are_counted(graph: Graph, flight: list[Shot
 
 def test_a_tracker_that_is_too_slow_stays_current(graph: Graph) -> None:
     """4K on one thread, by a method that takes several frames' time for one."""
-    tracker = graph.start("tracker_node", method="klt", start_s=0.0, threads=1, wait_for_subscribers=1)
+    tracker = graph.start("tracker_node", method="klt", start_s=0.0, stale_s=60.0, threads=1,
+                          wait_for_subscribers=1)
     diagnostics = graph.listen(DiagnosticArray, "/diagnostics", 1)
     come: dict[int, float] = {}
 
