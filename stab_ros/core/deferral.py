@@ -21,18 +21,19 @@ from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Ho
 _LEAST_FEATURES = 48  # with fewer there is nothing to choose between
 # if less of it was seen, as where the first frames were dropped, it may take so many times as long
 _SEEN_SHARE, _PATIENCE = 0.5, 3
-_MOST_FRAMES = 120  # where stamps do not advance
+_MOST_FRAMES = 120  # where time does not advance
 
 
 @dataclass(frozen=True, eq=False)
 class Opening:
-    """One deferred frame: its number and stamp, what it shows of the features, and roughly where it lies.
+    """One deferred frame: its number, stamp and time, what it shows of the features, and roughly where it lies.
 
     trust: (N,) of the pairs, 1 for ground, 0 for the rest.
     """
 
     index: int
     stamp_ns: int
+    time_ns: int
     pairs: Correspondences
     trust: FloatArray
     guess: Homography
@@ -59,13 +60,14 @@ class Outcome:
 class Deferral:
     """Follows the frames after a reference for a while."""
 
-    def __init__(self, reference: Reference, allowed: BoolArray, duration_ns: int) -> None:
-        """allowed: (h, w) bool, where ground may be. duration_ns: of header time from the reference on."""
+    def __init__(self, reference: Reference, allowed: BoolArray, start_ns: int, duration_ns: int) -> None:
+        """allowed: (h, w) bool, where ground may be. start_ns: time of the reference. duration_ns: from there on."""
         self.reference, self._duration_ns = reference, duration_ns
-        self._size, self._start_ns = reference.frame.size, reference.frame.stamp_ns
+        self._size, self._start_ns = reference.frame.size, start_ns
         self._survey = Survey(reference.gray, allowed)
         self._indices: list[int] = []
         self._stamps_ns: list[int] = []
+        self._times_ns: list[int] = []
 
     @property
     def useful(self) -> bool:
@@ -75,18 +77,19 @@ class Deferral:
     @property
     def over(self) -> bool:
         """Whether the last frame has brought the start to its end."""
-        if not self._stamps_ns:
+        if not self._times_ns:
             return False
-        first_ns, last_ns = self._stamps_ns[0], self._stamps_ns[-1]
+        first_ns, last_ns = self._times_ns[0], self._times_ns[-1]
         elapsed_ns, enough = last_ns - self._start_ns, last_ns - first_ns >= _SEEN_SHARE * self._duration_ns
         long = elapsed_ns >= self._duration_ns * (1 if enough else _PATIENCE)
-        return long or elapsed_ns < 0 or len(self._stamps_ns) >= _MOST_FRAMES
+        return long or elapsed_ns < 0 or len(self._times_ns) >= _MOST_FRAMES
 
-    def follow(self, index: int, stamp_ns: int, gray: Gray) -> None:
-        """Takes the next frame, (h, w) uint8."""
+    def follow(self, index: int, stamp_ns: int, time_ns: int, gray: Gray) -> None:
+        """Takes the next frame, (h, w) uint8. stamp_ns: of its header, which may jump. time_ns: of the stream."""
         self._survey.follow(gray)
         self._indices.append(index)
         self._stamps_ns.append(stamp_ns)
+        self._times_ns.append(time_ns)
 
     def outcome(self) -> Outcome:
         """What is ground, and the frames so far in its light; everything, if the features show no plane."""
@@ -95,7 +98,7 @@ class Deferral:
         if not planes:
             everything = Plane(np.ones(len(trajectories.reference_px), bool), trajectories.shapes)
             return self._judged(Choice(everything), trajectories)
-        elapsed_s = (np.array(self._stamps_ns) - self._start_ns) / 1e9
+        elapsed_s = (np.array(self._times_ns) - self._start_ns) / 1e9
         scene = Scene(trajectories.reference_px, self._size, elapsed_s)
         return self._judged(choose_ground(planes, scene), trajectories)
 
@@ -103,9 +106,9 @@ class Deferral:
         """The frames so far in the light of a choice."""
         ground, openings = choice.ground, []
         places = np.where(np.isnan(ground.ref_H_cur), trajectories.shapes, ground.ref_H_cur)
-        for k, (index, stamp_ns) in enumerate(zip(self._indices, self._stamps_ns, strict=True)):
+        for k, which in enumerate(zip(self._indices, self._stamps_ns, self._times_ns, strict=True)):
             pairs = trajectories.pairs(k)
-            openings.append(Opening(index, stamp_ns, pairs, ground.member[pairs.feature_id].astype(float), places[k]))
+            openings.append(Opening(*which, pairs, ground.member[pairs.feature_id].astype(float), places[k]))
         rival = choice.rival
         doubt = None if rival is None else Doubt(rival, self._map(rival.plane), self._start_ns, self._size)
         return Outcome(openings, trajectories.reference_px[ground.member], self._map(ground), doubt, self._size)

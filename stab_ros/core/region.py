@@ -64,13 +64,21 @@ class Area:
 
 
 def check_polygon(name: str, polygon: FloatArray) -> None:
-    """Raises InputError for fewer than 3 points, numbers that are not finite, or sides that cross."""
+    """Raises InputError for fewer than 3 points, numbers that are not finite, no area, or sides that cross."""
     if polygon.ndim != 2 or polygon.shape[1:] != (2,) or len(polygon) < 3:
         raise InputError(f"{name}: a polygon needs at least 3 points [x, y]")
     if not np.isfinite(polygon).all() or np.abs(polygon).max() > 1e6:
-        raise InputError(f"{name}: a polygon's coordinates must be finite pixels")
+        raise InputError(f"{name}: a polygon's coordinates must be finite numbers of pixels")
     if _crosses_itself(polygon):
         raise InputError(f"{name}: the polygon crosses itself, list its corners in order along the outline")
+    if _area_px2(polygon) == 0:
+        raise InputError(f"{name}: the polygon has no area, its points must not lie on one line")
+
+
+def _area_px2(polygon: FloatArray) -> float:
+    """By the shoelace formula, taken about the first point; sides that cross may cancel out."""
+    x, y = (polygon - polygon[0]).T
+    return float(abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2)
 
 
 def _crosses_itself(polygon: FloatArray) -> bool:

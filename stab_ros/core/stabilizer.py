@@ -29,6 +29,7 @@ from stab_ros.core.reference import Motion, Reference, is_textured
 from stab_ros.core.region import Area
 from stab_ros.core.static_map import StaticMap
 from stab_ros.core.threads import use_threads
+from stab_ros.core.timeline import Timeline
 from stab_ros.core.types import (
     NO_POINTS,
     BoolArray,
@@ -122,6 +123,7 @@ class Stabilizer:
         self._last_match: tuple[Correspondences, Fit | None] | None = None
         self._keyframes: Keyframes | None = None
         self._motion = Motion(np.eye(3), 0)
+        self._timeline = Timeline()
         self._frames, self._references, self._learnt = 0, 0, 0
 
     def step(self, frame: Frame) -> Stabilized:
@@ -138,9 +140,11 @@ class Stabilizer:
         Raises:
             InputError: as `track`.
         """
+        self._check_size(frame)
         deferral = self._deferral
         if deferral is not None and self._continues(frame):
-            deferral.follow(self._count(), frame.stamp_ns, self._gray(frame, deferral.reference.grey_scale))
+            index, gray = self._count(frame), self._gray(frame, deferral.reference.grey_scale)
+            deferral.follow(index, frame.stamp_ns, self._now_ns, gray)
             return self.finish() if deferral.over else []
         late, before = self.finish(), self._reference
         track = self.track(frame)
@@ -172,29 +176,30 @@ class Stabilizer:
         return tracks
 
     def track(self, frame: Frame) -> Track:
-        """Where the frame lies in the reference; the first textured frame, and one of another size, becomes it.
+        """Where the frame lies in the reference; the first textured frame, and one of another kind, becomes it.
 
-        The frame is answered at once, by what is known of the ground so far.
+        Another kind is another size or encoding. The frame is answered at once, by what is known of the ground so far.
 
         Raises:
             InputError: `roi`, `exclude`, points or the map do not fit the reference, or the camera does not fit the
                 frame.
         """
-        index = self._count()
+        self._check_size(frame)
+        index = self._count(frame)
         if self._reference is None or not self._continues(frame):
             return self._start(index, frame)
         gray = self._gray(frame, self._reference.grey_scale)
         pairs: Correspondences | tuple[()] = ()
         before = self._base
-        for base, guess in self._attempts(gray, frame.stamp_ns):
+        for base, guess in self._attempts(gray):
             self._base = base
             pairs, fit = self._align(gray, guess)
             if fit is not None and self._accepts(fit, base.expected(pairs, fit.ref_H_cur), frame.size):
                 self._close_loop(before, gray, fit)
                 self._learn(pairs, fit)
-                track = self._tracked(index, frame.stamp_ns, pairs, fit, frame.size)
+                track = self._tracked(index, frame.stamp_ns, self._now_ns, pairs, fit, frame.size)
                 self._move_base(gray, fit)
-                self._reconsider(fit.ref_H_cur, frame.stamp_ns)
+                self._reconsider(fit.ref_H_cur)
                 return track
         self._base, self._motion = before, self._motion.standing()
         return self._lost(index, frame.stamp_ns, len(pairs))
@@ -221,6 +226,19 @@ class Stabilizer:
     def reset_reference(self) -> None:
         """The next textured frame becomes the reference."""
         self._reference = None
+
+    def resume(self, reference: Frame, static_map: StaticMap, reset_counter: int) -> None:
+        """Goes on with what `reference`, `static_map` and `reset_counter` were before a restart.
+
+        Raises:
+            InputError: the settings do not fit this reference, or find nothing in it.
+        """
+        self._check_size(reference)
+        static_map.check_size(reference.size)
+        self._timeline.take(reference.stamp_ns)
+        if self._begin(reference, static_map) is None:
+            raise InputError(f"{self._config.method} finds nothing in the reference of {reference.kind}")
+        self._references = reset_counter + 1
 
     def reconfigure(self, config: StabilizerConfig, area: Area, points_px: FloatArray = NO_POINTS) -> None:
         """Other settings from the next frame on, against the same reference.
@@ -297,47 +315,61 @@ class Stabilizer:
         allowed = area.allowed(size)
         return allowed if self._camera is None else allowed & self._camera.visible
 
-    def _count(self) -> int:
+    def _count(self, frame: Frame) -> int:
         """The number of the next frame."""
+        self._timeline.take(frame.stamp_ns)
         self._frames += 1
         return self._frames - 1
 
+    @property
+    def _now_ns(self) -> int:
+        """The time of the last frame, which goes on evenly where stamps jump."""
+        return self._timeline.now_ns
+
     def _continues(self, frame: Frame) -> bool:
         """Whether the frame can be compared with the reference."""
-        return self._reference is not None and self._reference.frame.size == frame.size
+        return self._reference is not None and self._reference.frame.is_like(frame)
 
-    def _gray(self, frame: Frame, grey_scale: float) -> Gray:
-        """The frame as the methods see it: gray, without lens distortion."""
+    def _check_size(self, frame: Frame) -> None:
         if self._camera is not None and self._camera.size != frame.size:
             raise InputError(f"camera_info is for {self._camera.size[0]}x{self._camera.size[1]} px, "
                              f"the images have {frame.size[0]}x{frame.size[1]}")
+
+    def _gray(self, frame: Frame, grey_scale: float) -> Gray:
+        """The frame as the methods see it: gray, without lens distortion."""
         gray = to_gray(frame, grey_scale)
         return gray if self._camera is None else self._camera.undistort(gray)
 
     def _start(self, index: int, frame: Frame) -> Track:
         """Take a copy of the frame as the reference, if there is anything in it to find again."""
-        scale = depth_scale(frame)
-        gray = self._gray(frame, scale)
         if self._given_map is not None:
             self._given_map.check_size(frame.size)
-        if not is_textured(gray):
+        found = self._begin(frame, self._given_map)
+        if found is None:
             return self._lost(index, frame.stamp_ns, 0)
+        self._references += 1
+        return Track(State.TRACKED, index, frame.stamp_ns, frame.stamp_ns, self.reset_counter, found, found,
+                     np.eye(3), np.zeros((8, 8)), 0.0, 0.0)
+
+    def _begin(self, frame: Frame, known_map: StaticMap | None) -> int | None:
+        """Prepares all that follows from a reference: how many features it has, None and no change if too few."""
+        scale = depth_scale(frame)
+        gray = self._gray(frame, scale)
+        if not is_textured(gray):
+            return None
         own = dataclasses.replace(frame, image=frame.image.copy())  # the caller may use its buffer again
         reference, allowed = Reference(own, gray.copy(), scale), self._allowed_by(self._area, frame.size)
         config = self._config
         base = reference_base(reference.gray, config.method, config.method_config, allowed, self._points_px)
-        found = len(base.features_px)
-        if found < config.min_inliers:
-            return self._lost(index, frame.stamp_ns, 0)
-        self._static_map, self._doubt = self._given_map or StaticMap.of_mask(allowed), None
-        self._ground_known = self._given_map is not None
+        if len(base.features_px) < config.min_inliers:
+            return None
+        self._static_map, self._doubt = known_map or StaticMap.of_mask(allowed), None
+        self._ground_known = known_map is not None
         self._take(base, allowed, config, base)
         self._parallax = Parallax(frame.size)
         self._reference = reference
-        self._motion = Motion(np.eye(3), frame.stamp_ns)
-        self._references += 1
-        return Track(State.TRACKED, index, frame.stamp_ns, frame.stamp_ns, self.reset_counter, found, found,
-                     np.eye(3), np.zeros((8, 8)), 0.0, 0.0)
+        self._motion = Motion(np.eye(3), self._now_ns)
+        return len(base.features_px)
 
     def _defer(self, reference: Reference) -> None:
         """From here on frames are answered late, if there is anything to find out about the ground."""
@@ -345,7 +377,7 @@ class Stabilizer:
         known = self._given_map or self._area.roi or self._area.exclude or len(self._points_px)
         if known or not config.start_s:
             return
-        deferral = Deferral(reference, self._allowed, round(config.start_s * 1e9))
+        deferral = Deferral(reference, self._allowed, self._now_ns, round(config.start_s * 1e9))
         self._deferral = deferral if deferral.useful else None
 
     def _opened(self, opening: Opening, outcome: Outcome) -> Track:
@@ -353,7 +385,7 @@ class Stabilizer:
         fit = self._solve(opening.pairs, opening.guess, opening.trust)
         self._last_match = opening.pairs, fit
         if fit is not None and self._accepts(fit, outcome.expected(fit.ref_H_cur), outcome.size):
-            return self._tracked(opening.index, opening.stamp_ns, opening.pairs, fit, outcome.size)
+            return self._tracked(opening.index, opening.stamp_ns, opening.time_ns, opening.pairs, fit, outcome.size)
         self._motion = self._motion.standing()
         return self._lost(opening.index, opening.stamp_ns, len(opening.pairs))
 
@@ -374,9 +406,9 @@ class Stabilizer:
             base.believe(self._static_map)
         return base
 
-    def _attempts(self, gray: Gray, stamp_ns: int) -> Iterator[tuple[Base, Homography]]:
+    def _attempts(self, gray: Gray) -> Iterator[tuple[Base, Homography]]:
         """Where the frame may lie, by which base: going on as before, having stopped, or wherever it has jumped to."""
-        expected, last = self._motion.predict(stamp_ns), self._motion.last
+        expected, last = self._motion.predict(self._now_ns), self._motion.last
         base = self._base if self._keyframes is None else self._keyframes.choose(expected)
         yield base, expected
         if not is_textured(gray):
@@ -419,12 +451,13 @@ class Stabilizer:
             and sigma_px(fit.ref_H_cur, fit.covariance, size) <= self._config.max_sigma
         )
 
-    def _tracked(self, index: int, stamp_ns: int, pairs: Correspondences, fit: Fit, size: tuple[int, int]) -> Track:
+    def _tracked(self, index: int, stamp_ns: int, time_ns: int, pairs: Correspondences, fit: Fit,
+                 size: tuple[int, int]) -> Track:
         """The answer of an accepted fit, which the next frames go by."""
-        self._motion = self._motion.then(fit.ref_H_cur, stamp_ns)
+        self._motion = self._motion.then(fit.ref_H_cur, time_ns)
         covariance = self._base.place.accumulated(fit, size)
         if self._doubt is not None:
-            covariance = covariance + self._doubt.spread(fit.ref_H_cur, stamp_ns)
+            covariance = covariance + self._doubt.spread(fit.ref_H_cur, time_ns)
         return Track(State.TRACKED, index, stamp_ns, self._reference_stamp_ns, self.reset_counter, len(pairs),
                      int(fit.inlier.sum()), fit.ref_H_cur, covariance, fit.rmse_px,
                      sigma_px(fit.ref_H_cur, covariance, size))
@@ -439,16 +472,16 @@ class Stabilizer:
             if fresh.differs(self._static_map) > _MAP_CHANGED:
                 self._static_map = fresh
 
-    def _reconsider(self, ref_H_cur: Homography, stamp_ns: int) -> None:
+    def _reconsider(self, ref_H_cur: Homography) -> None:
         """Weighs an ambiguous choice of ground again; if the other plane is it, the next frame is sought by that."""
         doubt = self._doubt
-        verdict = Verdict.OPEN if doubt is None else doubt.weigh(ref_H_cur, stamp_ns)
+        verdict = Verdict.OPEN if doubt is None else doubt.weigh(ref_H_cur, self._now_ns)
         if doubt is None or verdict is Verdict.OPEN:
             return
         self._doubt = None
         if verdict is Verdict.TURNED:
             self._static_map = doubt.rival_map
-            self._motion = Motion(doubt.by_rival(ref_H_cur, stamp_ns), stamp_ns)
+            self._motion = Motion(doubt.by_rival(ref_H_cur, self._now_ns), self._now_ns)
             for base in self._keyframes.bases if self._keyframes else [self._base]:
                 base.believe(doubt.rival_map)
             self._references += 1  # what was answered before does not belong to what follows

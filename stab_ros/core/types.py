@@ -56,6 +56,15 @@ class Frame:
         """Width and height, px."""
         return self.image.shape[1], self.image.shape[0]
 
+    @property
+    def kind(self) -> str:
+        """Size and encoding, in words."""
+        return f"{self.size[0]}x{self.size[1]} {self.encoding}"
+
+    def is_like(self, other: Frame) -> bool:
+        """Whether the two can be of one stream."""
+        return (self.size, self.encoding) == (other.size, other.encoding)
+
 
 @dataclass(frozen=True, eq=False)
 class Correspondences:
