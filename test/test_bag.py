@@ -229,8 +229,8 @@ def killed(tmp_path: Path) -> Path:
 def test_killed_recorder_loses_only_the_open_chunk(killed: Path) -> None:
     found = read(killed)
     assert found.messages == FLIGHT[:10]
-    assert found.warnings == [f"{killed}: the index is missing, the recording was cut off, the whole file was scanned "
-                              "instead"]
+    assert found.warnings == [f"{killed}: the index is missing, the recording was cut off at byte "
+                              f"{killed.stat().st_size}, the whole file was scanned instead"]
     assert [topic.name for topic in found.topics.values()] == [topic.name for topic in TOPICS]
     assert found.topics["/notes"].count == 5
 

@@ -22,13 +22,13 @@ from stab_ros.io.pixels import DECODED
 
 
 # images in ------------------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("padding", [0, 3, 4])
+@pytest.mark.parametrize("padding", [0, 3, 4])  # of 16 bit, whole values
 @pytest.mark.parametrize("big_endian", [False, True])
 @pytest.mark.parametrize(
     "encoding", ["mono8", "mono16", "bgr8", "rgb8", "bgra8", "rgba8", "8UC1", "8UC3", "8UC4", "16UC1"])
 def test_plain_encodings_come_in_as_they_are(encoding: str, big_endian: bool, padding: int) -> None:
     pixels = random_pixels(encoding, np.random.default_rng(1))
-    frame = m.read_image(serialize_message(ros_image(pixels, encoding, padding, big_endian)), m.IMAGE)
+    frame = m.read_image(serialize_message(ros_image(pixels, encoding, padding * pixels.itemsize, big_endian)), m.IMAGE)
     np.testing.assert_array_equal(frame.image, pixels)
     assert frame.image.dtype == pixels.dtype
     assert frame.image.flags.c_contiguous

@@ -14,9 +14,11 @@ from stab_ros.io.bag_types import BagReader, Message, Topic, definition_of, topi
 from stab_ros.io.bag_writer import BagWriter
 from stab_ros.io.mcap_reader import McapReader
 from stab_ros.io.rosbags_reader import RosbagsReader
+from stab_ros.io.text import one_line
 
 __all__ = ["BagReader", "BagWriter", "Message", "Topic", "definition_of", "open_bag", "topic_of"]
 
+_METADATA_LIMIT = 2**20  # characters of metadata.yaml: thousands of files and topics
 KINDS = "an .mcap, a rosbag2 folder or a ROS 1 .bag"
 
 
@@ -61,15 +63,17 @@ def _folder_reader(folder: Path) -> McapReader | RosbagsReader:
     if not metadata:
         return McapReader(found, [f"{folder}: has no readable metadata.yaml, all its .mcap files were taken"])
     listed = [folder / Path(name).name for name in metadata["relative_file_paths"]]
-    missing = [f"{path}: is missing, its messages are lost" for path in listed if path not in found]
+    missing = [f"{one_line(path)}: is missing, its messages are lost" for path in listed if path not in found]
     return McapReader([path for path in listed if path in found] or found, missing)
 
 
 def _metadata_of(folder: Path) -> dict[str, Any]:
     """What metadata.yaml says, empty where it is missing or damaged (a killed recorder leaves none)."""
     try:
-        found = yaml.safe_load((folder / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+        with (folder / "metadata.yaml").open(encoding="utf-8") as file:
+            text = file.read(_METADATA_LIMIT + 1)
+        found = {} if len(text) > _METADATA_LIMIT else yaml.safe_load(text)["rosbag2_bagfile_information"]
         valid = all(isinstance(name, str) for name in found["relative_file_paths"])
         return dict(found) if valid and isinstance(found.get("compression_mode", ""), str) else {}
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, yaml.YAMLError):
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError, yaml.YAMLError):
         return {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from contextlib import suppress
 from io import FileIO
@@ -103,6 +104,7 @@ class BagWriter:
             self._writer.flush()
         except OSError as error:
             raise self._broken(error) from error
+        self._check_place()
         self._sound_end = self._file.tell()
         self._pending_bytes = 0
         self._chunk_since = time.monotonic()
@@ -148,7 +150,23 @@ class BagWriter:
         except OSError as error:
             raise self._broken(error) from error
 
+    def _check_place(self) -> None:
+        """A file that was deleted or moved under us still takes all bytes, and says nothing."""
+        try:
+            there = os.path.samestat(self.partial.stat(), os.fstat(self._file.fileno()))
+        except OSError:
+            there = False
+        if not there:
+            self._sound_end = self._file.tell()
+            self._cut_back()  # who has moved it finds a whole file
+            raise WorkError(f"{self.partial}: was deleted or moved while it was written, what it held went with it; "
+                            "the folder of a recording must stay")
+
     def _broken(self, error: OSError) -> WorkError:
+        self._cut_back()
+        return WorkError(f"{self.path}: {error.strerror}, what was written so far is in {self.partial}")
+
+    def _cut_back(self) -> None:
         """Cuts the file back to the last whole chunk and closes it there, so that any reader takes it."""
         tail = RecordBuilder()
         DataEnd(data_section_crc=0).write(tail)
@@ -157,7 +175,6 @@ class BagWriter:
             self._file.truncate(self._sound_end)
             self._file.seek(self._sound_end)
             self._file.write(tail.end() + MAGIC)
-        return WorkError(f"{self.path}: {error.strerror}, what was written so far is in {self.partial}")
 
 
 class _Stream:

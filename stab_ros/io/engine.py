@@ -28,9 +28,10 @@ from stab_ros.io.text import one_line
 TRACKER, EVALUATOR = "tracker_node", "evaluator_node"
 
 # beginnings of what the nodes alone read: the same file serves `--params-file` and `--config`
-_OF_THE_NODES = ("queue_depth", "image_transport", "wait_for_subscribers", "stale_s", "use_sim_time", "qos_overrides.",
-                 "alarm_s", "window_s", "backlog_mb")
+_OF_THE_NODES = ("queue_depth", "image_transport", "wait_for_subscribers", "stale_s", "reference_path", "use_sim_time",
+                 "qos_overrides.", "alarm_s", "window_s", "backlog_mb")
 _OF_ALL_NODES = ("/**", "/*")
+_CONFIG_LIMIT = 2**17  # characters of a parameter file: pure Python reads 100,000 a second
 _TABLES = {TRACKER: PARAMETERS, EVALUATOR: EVALUATOR_PARAMETERS}
 
 
@@ -72,16 +73,12 @@ def read_config(path: Path, node: str = TRACKER) -> dict[str, Value]:
     Raises:
         InputError: the file is missing, no ROS parameter file or for other nodes, or a parameter in it is wrong.
     """
-    try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, RecursionError, yaml.YAMLError) as error:
-        raise InputError(f"{path}: not a readable YAML file ({one_line(error)})") from error
-    nodes = list(_nodes(document))
+    nodes = list(_nodes(_document(path)))
     if not nodes:
         raise InputError(f"{path}: not a ROS parameter file, it must hold '/**: ros__parameters: name: value'")
     ours = [(name, parameters) for name, parameters in nodes if name.endswith((*_OF_ALL_NODES, f"/{node}"))]
     if not ours:
-        named = ", ".join(name for name, _ in nodes)
+        named = one_line(", ".join(name for name, _ in nodes))[:500]
         raise InputError(f"{path}: holds parameters of {named}, it must hold some of /** or of a {node}")
     found: dict[str, object] = {}
     for name, parameters in ours:
@@ -90,6 +87,39 @@ def read_config(path: Path, node: str = TRACKER) -> dict[str, Value]:
                       if not (shared and _is_foreign(key, node))})
     return checked_values({name: value for name, value in found.items() if not name.startswith(_OF_THE_NODES)},
                           _TABLES[node])
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML without aliases, as ROS has it: a few lines of them can stand for billions of values."""
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError(f"line {self.line + 1}: aliases are not supported")
+        return super().compose_node(parent, index)
+
+
+def _integer(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int:
+    """Python's are endless, and slow to print."""
+    value: int = loader.construct_yaml_int(node)
+    if not -(2**63) <= value < 2**63:
+        raise yaml.YAMLError(f"line {node.start_mark.line + 1}: a number does not fit 64 bits")
+    return value
+
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _integer)
+
+
+def _document(path: Path) -> object:
+    """What the file holds."""
+    try:
+        with path.open(encoding="utf-8") as file:
+            text = file.read(_CONFIG_LIMIT + 1)
+        if len(text) > _CONFIG_LIMIT:
+            raise ValueError(f"more than {_CONFIG_LIMIT} characters")
+        return yaml.load(text, _Loader)
+    except (OSError, ValueError, LookupError, AttributeError, TypeError, OverflowError, RecursionError,
+            yaml.YAMLError) as error:  # a value that is not of its tag raises nearly anything
+        raise InputError(f"{path}: not a readable YAML file ({one_line(error)[:500]})") from error
 
 
 def _is_foreign(name: str, node: str) -> bool:

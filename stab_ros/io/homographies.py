@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -16,14 +16,15 @@ import numpy as np
 
 from stab_ros.core.errors import InputError, WorkError
 from stab_ros.core.types import Homography, State, Track
-from stab_ros.io.text import number
+from stab_ros.io.points import table_rows
+from stab_ros.io.text import number, one_line
 
 ELEMENTS = tuple(f"h{row}{column}" for row in range(3) for column in range(3))
 COLUMNS = ("frame", "stamp_ns", "status", *ELEMENTS)
 TRACK_COLUMNS = ("matches", "inliers", "rmse_px", "sigma_px", "reset_counter")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)
 class HomographyRow:
     """One row: `ref_H_cur` (3, 3) is None while lost."""
 
@@ -93,27 +94,27 @@ def read_homographies(path: Path) -> list[HomographyRow]:
     """
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            table = csv.DictReader(file, strict=True)
-            missing = [name for name in COLUMNS if name not in (table.fieldnames or ())]
+            rows = table_rows(file, COLUMNS)
+            missing = next(rows)[1]
             if missing:
                 raise InputError(f"{path}: no column {missing[0]}; the header must begin with {','.join(COLUMNS)}")
-            return [_row(path, table.line_num, cells) for cells in table]
+            return [_row(path, line, cells) for line, cells in rows]
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; it must be a table of homographies (.csv)") from error
-    except (UnicodeDecodeError, csv.Error) as error:
+    except (ValueError, csv.Error) as error:  # ValueError: not UTF-8, or no possible name of a file
         raise InputError(f"{path}: not a table of homographies, a .csv that begins with {','.join(COLUMNS)}") from error
 
 
-def _row(path: Path, line: int, cells: Mapping[str, str | None]) -> HomographyRow:
+def _row(path: Path, line: int, cells: Sequence[str]) -> HomographyRow:
+    frame, stamp_ns, status, *elements = cells
     try:
-        lost = cells["status"] == State.LOST.value
-        return HomographyRow(int(cells["frame"] or ""), int(cells["stamp_ns"] or ""), None if lost else _matrix(cells))
+        return HomographyRow(int(frame), int(stamp_ns), None if status == State.LOST.value else _matrix(elements))
     except ValueError as error:
-        raise InputError(f"{path}: line {line} is not a row of homographies: {error}") from error
+        raise InputError(f"{path}: line {line} is not a row of homographies: {one_line(error)[:200]}") from error
 
 
-def _matrix(cells: Mapping[str, str | None]) -> Homography:
-    elements = [float(cells[name] or "") for name in ELEMENTS]
+def _matrix(cells: Sequence[str]) -> Homography:
+    elements = [float(cell) for cell in cells]
     if not all(map(math.isfinite, elements)):
         raise ValueError("a homography must be finite")
     return np.array(elements, np.float64).reshape(3, 3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,10 +14,14 @@ from mcap.records import Channel, ChunkIndex, Footer, Schema, Statistics
 from stab_ros.core.errors import InputError
 from stab_ros.io.mcap_records import (
     MAGIC,
+    NO_OPCODE,
+    PLAIN_START,
     RECORD_HEAD,
     DamagedError,
+    Places,
     Record,
     RecordedMessage,
+    message_at,
     message_in,
     parse,
     read_exactly,
@@ -27,7 +31,7 @@ from stab_ros.io.mcap_records import (
 
 _FOOTER_LENGTH = 20
 _TAIL = RECORD_HEAD.size + _FOOTER_LENGTH + len(MAGIC)
-_NO_OPCODE = 0
+_LARGE = 2**24  # bytes of a block that is not kept in memory beside its messages
 _RUN_LIMIT = 2**22  # bytes of messages outside of chunks that are read at a time
 
 
@@ -52,7 +56,7 @@ class McapFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.warnings: list[str] = []
+        self._warned: dict[str, None] = {}  # a set in order
         self._clear()
         if not path.is_file():
             raise InputError(f"{path}: no such file, it must be a readable MCAP file")
@@ -70,6 +74,11 @@ class McapFile:
 
     def close(self) -> None:
         self._file.close()
+
+    @property
+    def warnings(self) -> list[str]:
+        """What could not be read, one line each."""
+        return list(self._warned)
 
     def _clear(self) -> None:
         self.channels: dict[int, Channel] = {}
@@ -92,7 +101,7 @@ class McapFile:
         try:
             indexed = self._read_index()
         except DamagedError as damage:
-            self.warnings.append(f"{self.path}: the index {damage}, the whole file was scanned instead")
+            self._warned[f"{self.path}: the index {damage}, the whole file was scanned instead"] = None
             indexed = False
         if not indexed:
             self._clear()
@@ -103,20 +112,24 @@ class McapFile:
         """False: the file is whole, but was written without one. Raises DamagedError where it cannot be trusted."""
         tail = read_exactly(self._file, max(self._size - _TAIL, 0), min(_TAIL, self._size))
         if len(tail) < _TAIL or not tail.endswith(MAGIC) or tail[0] != Opcode.FOOTER:
-            raise DamagedError("is missing, the recording was cut off")
+            raise DamagedError(f"is missing, the recording was cut off at byte {self._size}")
         footer = parse(Opcode.FOOTER, tail[RECORD_HEAD.size : -len(MAGIC)])
         if not isinstance(footer, Footer) or footer.summary_start == 0:
             return False
         start, end = footer.summary_start, self._size - _TAIL
         if not len(MAGIC) <= start <= end:
-            raise DamagedError("lies outside of the file")
-        summary = read_exactly(self._file, start, end - start)
-        crc = zlib.crc32(tail[: RECORD_HEAD.size + _FOOTER_LENGTH - 4], zlib.crc32(summary))
-        if footer.summary_crc not in (0, crc):
-            raise DamagedError("has a wrong CRC")
-        return self._take_summary(list(_records(memoryview(summary))))
+            raise DamagedError(f"at byte {start} lies outside of the file")
+        try:
+            summary = read_exactly(self._file, start, end - start)
+            crc = zlib.crc32(tail[: RECORD_HEAD.size + _FOOTER_LENGTH - 4], zlib.crc32(summary))
+            if footer.summary_crc not in (0, crc):
+                raise DamagedError("has a wrong CRC")
+            return self._take_summary(_records(memoryview(summary)), start)
+        except DamagedError as damage:
+            raise DamagedError(f"at byte {start} {damage}") from damage
 
-    def _take_summary(self, records: list[Record]) -> bool:
+    def _take_summary(self, records: Iterable[Record], end: int) -> bool:
+        """`end`: where the messages of the file end."""
         statistics: Statistics | None = None
         for record in records:
             self._take_definition(record)
@@ -130,6 +143,13 @@ class McapFile:
         if statistics.message_count:
             self.span_ns = statistics.message_start_time, statistics.message_end_time
         self.blocks.sort(key=lambda block: block.offset)
+        at = len(MAGIC)
+        for block in self.blocks:  # one chunk that is listed again and again would be read again and again
+            if block.offset < at:
+                raise DamagedError(f"lists chunks that overlap at byte {block.offset}")
+            at = block.offset + block.length
+        if at > end:
+            raise DamagedError(f"lists a chunk that ends beyond it, at byte {at}")
         return True
 
     def _is_complete(self, statistics: Statistics) -> bool:
@@ -148,22 +168,22 @@ class McapFile:
     # the scan --------------------------------------------------------------------------------------------------------
     def _scan(self) -> None:
         """Goes through all records; what is damaged is left out with a warning."""
-        run: list[tuple[int, int]] = []  # offset and end of consecutive messages outside of chunks
+        run: tuple[int, int] | None = None  # offset and end of consecutive messages outside of chunks
         at = len(MAGIC)
         while at < self._size:
             try:
                 opcode, length = RECORD_HEAD.unpack(read_exactly(self._file, at, RECORD_HEAD.size))
             except DamagedError:
-                opcode, length = _NO_OPCODE, 0
+                opcode, length = NO_OPCODE, 0
             end = at + RECORD_HEAD.size + length
-            if end > self._size or opcode == _NO_OPCODE:  # a file system that crashed may leave zeros
+            if end > self._size or opcode == NO_OPCODE:  # a file system that crashed may leave zeros
                 self._lost(at, "ends within a record")
                 break
-            if run and (opcode != Opcode.MESSAGE or end - run[0][0] > _RUN_LIMIT):
-                self._scan_block(run[0][0], run[-1][1])
-                run.clear()
+            if run and (opcode != Opcode.MESSAGE or end - run[0] > _RUN_LIMIT):
+                self._scan_block(*run)
+                run = None
             if opcode == Opcode.MESSAGE:
-                run.append((at, end))
+                run = (run[0] if run else at), end
             elif opcode == Opcode.CHUNK:
                 self._scan_block(at, end)
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
@@ -172,7 +192,7 @@ class McapFile:
                 break
             at = end
         if run:
-            self._scan_block(run[0][0], run[-1][1])
+            self._scan_block(*run)
         if self.blocks:
             self.span_ns = min(block.start_ns for block in self.blocks), max(block.end_ns for block in self.blocks)
 
@@ -184,30 +204,52 @@ class McapFile:
             self._lost(at, str(damage))
 
     def _scan_block(self, at: int, end: int) -> None:
+        places, counts = Places(), Counter[int]()
         try:
             data = self._data(at, end - at)
-            messages = _messages(data)
-            for record in _records(data):
-                self._take_definition(record)
+            for opcode, start, stop in split(data):
+                if opcode == Opcode.MESSAGE:
+                    counts[places.add(data, start, stop)] += 1
+                else:
+                    self._take_definition(parse(opcode, data[start:stop]))
         except DamagedError as damage:
             self._lost(at, str(damage))
             return
-        if messages:
-            times = [message.log_time_ns for message in messages]
-            ids = Counter(message.channel_id for message in messages)
-            self.counts.update(ids)
-            self.blocks.append(Block(min(times), max(times), at, end - at, frozenset(ids)))
+        if counts:
+            self.counts.update(counts)
+            self.blocks.append(Block(*places.span_ns, at, end - at, frozenset(counts)))
 
     # the messages ----------------------------------------------------------------------------------------------------
-    def messages_of(self, block: Block) -> list[RecordedMessage]:
+    def messages_of(self, block: Block) -> Iterator[RecordedMessage]:
         """The messages of a block by log time; of a damaged one none, with a warning."""
+        places = Places()
         try:
             data = self._data(block.offset, block.length)
-            messages = _messages(data)
+            for opcode, start, end in split(data):
+                if opcode == Opcode.MESSAGE:
+                    places.add(data, start, end)
         except DamagedError as damage:
             self._lost(block.offset, str(damage))
-            return []
-        return sorted(messages, key=lambda message: message.log_time_ns)
+            return
+        early = places.before(block.start_ns)
+        if early:  # only an index without a CRC can be so wrong
+            self._warned[f"{self.path}: the part at byte {block.offset} holds {early} messages from before the time "
+                         "that the index gives, they are left out"] = None
+        starts = places.by_time()[early:]
+        if block.length > _LARGE and len(data) + PLAIN_START >= block.length:  # it is not compressed
+            base = block.offset + (0 if len(data) == block.length else PLAIN_START)
+            del data
+            yield from self._read_again(block, [base + int(start) for start in starts])
+        else:
+            yield from (message_at(data, int(start)) for start in starts)
+
+    def _read_again(self, block: Block, places: list[int]) -> Iterator[RecordedMessage]:
+        """One message after the other, as a large block and its messages would take twice the memory."""
+        try:
+            for at in places:
+                yield message_in(self._file, at)
+        except DamagedError as damage:  # a disk that fails
+            self._lost(block.offset, str(damage))
 
     def _data(self, offset: int, length: int) -> memoryview:
         """The records of a block."""
@@ -219,13 +261,7 @@ class McapFile:
         return unpacked(data[RECORD_HEAD.size :])
 
     def _lost(self, offset: int, why: str) -> None:
-        line = f"{self.path}: the part at byte {offset} {why}, its messages are lost"
-        if line not in self.warnings:
-            self.warnings.append(line)
-
-
-def _messages(data: memoryview) -> list[RecordedMessage]:
-    return [message_in(data, start, end) for opcode, start, end in split(data) if opcode == Opcode.MESSAGE]
+        self._warned[f"{self.path}: the part at byte {offset} {why}, its messages are lost"] = None
 
 
 def _records(data: memoryview) -> Iterator[Record]:

@@ -12,6 +12,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.io.bag_types import Message, Topic
 from stab_ros.io.mcap_file import Block, McapFile
 from stab_ros.io.mcap_records import RecordedMessage
+from stab_ros.io.text import one_line
 
 _BEFORE_ALL = -1
 
@@ -84,8 +85,8 @@ class McapReader:
             topic = _topic_of(file, channel_id)
             known = self.topics.get(topic.name, replace(topic, count=0))
             if (known.msgtype, known.encoding) != (topic.msgtype, topic.encoding):
-                self._extra_warnings.append(f"{file.path}: {topic.name} holds {known.msgtype} and {topic.msgtype}, "
-                                            "the messages of the second type are left out")
+                what = one_line(f"{topic.name} holds {known.msgtype} and {topic.msgtype}")
+                self._extra_warnings.append(f"{file.path}: {what}, the messages of the second type are left out")
                 continue
             self.topics[topic.name] = replace(known, count=known.count + topic.count)
             names[channel_id] = topic.name

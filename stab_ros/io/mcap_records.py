@@ -4,23 +4,31 @@ from __future__ import annotations
 
 import struct
 import zlib
+from array import array
 from collections.abc import Iterator
 from io import BytesIO
 from typing import IO, NamedTuple
 
 import lz4.frame
+import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Footer, Schema, Statistics
+from numpy.typing import NDArray
 
 Record = Schema | Channel | ChunkIndex | Statistics | Footer
 MAGIC = b"\x89MCAP0\r\n"
 RECORD_HEAD = struct.Struct("<BQ")  # opcode, length
-RECORD_LIMIT = 2**30  # bytes of one record or chunk, unpacked: 100 times a 4K frame
+NO_OPCODE = 0
+RECORD_LIMIT = 100 * 2**20  # bytes of one record or chunk, unpacked: an 8K frame in bgr8 has 99.5 million
+_PIECE = 2**14  # bytes that are decompressed at a time, 255 times as many come out
+_MOST_MESSAGES = 2**20  # in a block: a thousand times what a second holds
+_WINDOW_LIMIT = 2**25  # bytes that zstd may look back; its level 19 asks for 2**23
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _CHUNK_HEAD = struct.Struct("<QQQII")  # first and last log time, unpacked size, CRC, length of the compression's name
+PLAIN_START = RECORD_HEAD.size + _CHUNK_HEAD.size + 8  # of the records in a chunk that is not compressed
 _CLASSES: dict[int, type[Record]] = {
     Opcode.SCHEMA: Schema,
     Opcode.CHANNEL: Channel,
@@ -80,18 +88,69 @@ def split(data: memoryview) -> Iterator[tuple[int, int, int]]:
             raise DamagedError("ends within a record")
         opcode, length = RECORD_HEAD.unpack_from(data, at)
         at += RECORD_HEAD.size
+        if opcode == NO_OPCODE:
+            raise DamagedError("holds zeros where a record should begin")
         if length > len(data) - at:
             raise DamagedError("holds a record that is longer than itself")
         yield opcode, at, at + length
         at += length
 
 
-def message_in(data: memoryview, start: int, end: int) -> RecordedMessage:
-    """The message record whose body is data[start:end]."""
-    if end - start < _MESSAGE_HEAD.size:
-        raise DamagedError("holds a message without a header")
+class Places:
+    """Where messages lie in a block, a dozen bytes for each: a chunk may hold a million of them."""
+
+    def __init__(self) -> None:
+        self._times_ns, self._starts = array("Q"), array("I")
+
+    def __len__(self) -> int:
+        return len(self._times_ns)
+
+    def add(self, data: memoryview, start: int, end: int) -> int:
+        """The message record whose body is data[start:end]; gives its channel."""
+        if end - start < _MESSAGE_HEAD.size:
+            raise DamagedError("holds a message without a header")
+        if len(self) == _MOST_MESSAGES:
+            raise DamagedError(f"holds more than {_MOST_MESSAGES} messages")
+        channel_id, _, log_time_ns, _ = _MESSAGE_HEAD.unpack_from(data, start)
+        self._times_ns.append(log_time_ns)
+        self._starts.append(start)
+        return int(channel_id)
+
+    @property
+    def span_ns(self) -> tuple[int, int]:
+        return min(self._times_ns), max(self._times_ns)
+
+    def before(self, time_ns: int) -> int:
+        """How many messages are earlier."""
+        return sum(log_time_ns < time_ns for log_time_ns in self._times_ns)
+
+    def by_time(self) -> NDArray[np.uint32]:
+        """Where the bodies begin, by log time."""
+        if not len(self):
+            return np.empty(0, np.uint32)
+        times_ns, starts = np.frombuffer(self._times_ns, np.uint64), np.frombuffer(self._starts, np.uint32)
+        in_order = bool(np.all(times_ns[1:] >= times_ns[:-1]))
+        return starts if in_order else starts[np.argsort(times_ns, kind="stable")]
+
+
+def message_at(data: memoryview, start: int) -> RecordedMessage:
+    """The message record whose body begins there, as `Places` has it."""
+    _, length = RECORD_HEAD.unpack_from(data, start - RECORD_HEAD.size)
     channel_id, _, log_time, publish_time = _MESSAGE_HEAD.unpack_from(data, start)
+    end = start + length
     return RecordedMessage(log_time, publish_time, channel_id, bytes(data[start + _MESSAGE_HEAD.size : end]))
+
+
+def message_in(file: IO[bytes], offset: int) -> RecordedMessage:
+    """The message record whose body begins there, read without a second copy in memory.
+
+    Raises:
+        DamagedError: as `read_exactly`.
+    """
+    _, length = RECORD_HEAD.unpack(read_exactly(file, offset - RECORD_HEAD.size, RECORD_HEAD.size))
+    channel_id, _, log_time, publish_time = _MESSAGE_HEAD.unpack(read_exactly(file, offset, _MESSAGE_HEAD.size))
+    data = read_exactly(file, offset + _MESSAGE_HEAD.size, length - _MESSAGE_HEAD.size)
+    return RecordedMessage(log_time, publish_time, channel_id, data)
 
 
 def unpacked(chunk: memoryview) -> memoryview:
@@ -112,15 +171,28 @@ def unpacked(chunk: memoryview) -> memoryview:
 
 
 def _decompressed(packed: memoryview, compression: str, size: int) -> memoryview:
-    """At most `size` + 1 bytes, so that no bomb goes off."""
+    """Not much more than `size` bytes, so that no bomb goes off."""
     if size > RECORD_LIMIT:
         raise DamagedError(f"claims {size} bytes")
     match compression:
         case "":
             return packed
         case "lz4":
-            return memoryview(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size + 1))
+            return memoryview(_lz4_decompressed(packed, size))
+        case "zstd" if zstandard.frame_content_size(packed) == size:  # at once, which needs no window
+            return memoryview(zstandard.ZstdDecompressor().decompress(packed))
         case "zstd":
-            with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream:
+            unpacker = zstandard.ZstdDecompressor(max_window_size=_WINDOW_LIMIT)
+            with unpacker.stream_reader(packed, read_across_frames=True) as stream:
                 return memoryview(stream.read(size + 1))
     raise DamagedError(f"has the unknown compression {compression!r}")
+
+
+def _lz4_decompressed(packed: memoryview, size: int) -> bytearray:
+    """Piece by piece: at once, the library would hold all of it twice."""
+    unpacker, data = lz4.frame.LZ4FrameDecompressor(), bytearray()
+    for at in range(0, len(packed), _PIECE):
+        data += unpacker.decompress(packed[at : at + _PIECE])
+        if unpacker.eof or len(data) > size:
+            break
+    return data

@@ -154,14 +154,24 @@ def read_homography(cdr: bytes | memoryview) -> tuple[int, Homography | None]:
     stamp_ns = _stamp_ns(message.header.stamp)
     if not (K.any() or R.any() or P.any()):
         return stamp_ns, None
-    if not (np.isfinite([*K.flat, *R.flat, *P.flat]).all() and np.linalg.matrix_rank(K) == 3):
-        raise MessageError("homography: K, R and P must be finite and K invertible, or all three zero (lost)")
+    finite = np.isfinite([*K.flat, *R.flat, *P.flat]).all()
     with np.errstate(all="ignore"):
-        H = P[:, :3] @ R @ np.linalg.inv(K)
+        inverse = _inverse(K) if finite else None
+        if inverse is None:
+            raise MessageError("homography: K, R and P must be finite and K invertible, or all three zero (lost)")
+        H = P[:, :3] @ R @ inverse
         H /= H[2, 2]
     if not np.isfinite(H).all():
         raise MessageError("homography: P[:, :3] R K^-1 cannot be normalised to h22 = 1")
     return stamp_ns, H
+
+
+def _inverse(K: FloatArray) -> FloatArray | None:
+    """None where there is none; of full rank a matrix may be and yet too close to zero."""
+    try:
+        return np.linalg.inv(K) if np.linalg.matrix_rank(K) == 3 else None
+    except np.linalg.LinAlgError:
+        return None
 
 
 def read_size(cdr: bytes | memoryview) -> tuple[int, int] | None:
@@ -213,6 +223,16 @@ def metrics_cdr(metrics: FrameMetrics, point_names: Sequence[str], header: Heade
                    for point, value in zip(point_names, of_points, strict=False)}
     level = WARN if metrics.outcome is Outcome.LOST else OK
     return _diagnostics(header, "metrics", header.frame_id, level, metrics.outcome.value, values)
+
+
+def read_values(cdr: bytes | memoryview) -> dict[str, str]:
+    """The keys and values of the first status of a DiagnosticArray; without a status none.
+
+    Raises:
+        MessageError: damaged.
+    """
+    message = cast(ros.diagnostic_msgs__msg__DiagnosticArray, _read(cdr, DIAGNOSTIC_ARRAY))
+    return {pair.key: pair.value for status in message.status[:1] for pair in status.values}
 
 
 def float64_cdr(value: float) -> bytes:

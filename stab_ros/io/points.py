@@ -5,16 +5,22 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 
 from stab_ros.core.config import Value
 from stab_ros.core.errors import InputError
 from stab_ros.core.types import NO_POINTS, FloatArray
+from stab_ros.io.text import one_line
 
 COLUMNS = ("name", "x", "y")
+_MAX_POINTS = 100_000
+_MAX_TEXT = 2**22  # characters of JSON: so many points in full precision
 NamedPoint = tuple[str, float, float]
 
 
@@ -33,6 +39,8 @@ def read_tracking_points(values: Mapping[str, Value]) -> FloatArray:
 
 
 def _listed(text: str) -> FloatArray:
+    if len(text) > _MAX_TEXT:
+        raise InputError(f"manual_points: {len(text)} characters, it must have at most {_MAX_TEXT}")
     try:
         points = np.array(json.loads(text), dtype=np.float64)
     except (ValueError, TypeError, OverflowError, RecursionError) as error:
@@ -52,23 +60,39 @@ def read_points(path: Path) -> tuple[NamedPoint, ...]:
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            table = csv.DictReader(file, strict=True, skipinitialspace=True)
-            missing = [name for name in COLUMNS if name not in (table.fieldnames or ())]
+            rows = table_rows(file, COLUMNS, skipinitialspace=True)
+            missing = next(rows)[1]
             if missing:
                 raise InputError(f"{path}: no column {missing[0]}; the first line must be {','.join(COLUMNS)}")
-            points = tuple(_point(path, table.line_num, cells) for cells in table)
+            points = tuple(_point(path, line, cells) for line, cells in islice(rows, _MAX_POINTS + 1))
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; it must be a table of points, {','.join(COLUMNS)}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
+    except (ValueError, csv.Error) as error:  # ValueError: not UTF-8, or no possible name of a file
         raise InputError(f"{path}: not a table of points, it must be a .csv with {','.join(COLUMNS)}") from error
     _check(path, [name for name, _, _ in points])
     return points
 
 
-def _point(path: Path, line: int, cells: Mapping[str, str | None]) -> NamedPoint:
-    name = (cells["name"] or "").strip()
+def table_rows(
+    file: IO[str], columns: Sequence[str], skipinitialspace: bool = False
+) -> Iterator[tuple[int, list[str]]]:
+    """First the columns that the CSV lacks; then of every row its last line and the cells of these columns.
+
+    What a row lacks is "". Other columns cost nothing, however many there are.
+    """
+    table = csv.reader(file, strict=True, skipinitialspace=skipinitialspace)
+    at = {name: column for column, name in enumerate(next(table, []))}
+    yield 1, [name for name in columns if name not in at]
+    places = [at[name] for name in columns]
+    for cells in table:
+        if cells:
+            yield table.line_num, [cells[place] if place < len(cells) else "" for place in places]
+
+
+def _point(path: Path, line: int, cells: Sequence[str]) -> NamedPoint:
+    name = cells[0].strip()
     try:
-        x, y = float(cells["x"] or ""), float(cells["y"] or "")
+        x, y = float(cells[1]), float(cells[2])
     except ValueError:
         x = y = math.nan
     if not name or not (math.isfinite(x) and math.isfinite(y)):
@@ -79,6 +103,8 @@ def _point(path: Path, line: int, cells: Mapping[str, str | None]) -> NamedPoint
 def _check(path: Path, names: list[str]) -> None:
     if not names:
         raise InputError(f"{path}: holds no point; below {','.join(COLUMNS)} there must be at least one")
-    twice = [name for name in names if names.count(name) > 1]
-    if twice:
-        raise InputError(f"{path}: has {twice[0]} twice, every point must have a name of its own")
+    if len(names) > _MAX_POINTS:
+        raise InputError(f"{path}: holds more than {_MAX_POINTS} points, there must not be so many")
+    twice = next((name for name, count in Counter(names).items() if count > 1), None)
+    if twice is not None:
+        raise InputError(f"{path}: has {one_line(twice)} twice, every point must have a name of its own")

@@ -6,12 +6,15 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from stab_ros.core.config import Value
-from stab_ros.core.errors import InputError
+from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.region import Area, Region
+from stab_ros.io.pixels import MAX_DECODED, decode_file
+
+_MAX_CORNERS = 2000  # of all polygons: whether sides cross is asked of every pair
+_MAX_TEXT = 2**20  # characters
 
 
 def read_area(values: Mapping[str, Value]) -> Area:
@@ -33,8 +36,16 @@ def _region(name: str, text: str) -> Region | None:
     if not _is_file(path):
         raise InputError(f"{name}: {text[:80]!r} is neither JSON [[[x, y], ...], ...] nor an existing .json or PNG")
     if path.suffix.lower() == ".json":
-        return _polygons(name, path.read_text(encoding="utf-8", errors="replace"), str(path))
+        return _polygons(name, _text(name, path), str(path))
     return _mask(name, path)
+
+
+def _text(name: str, path: Path) -> str:
+    try:
+        with path.open(encoding="utf-8", errors="replace") as file:
+            return file.read(_MAX_TEXT + 1)
+    except OSError as error:
+        raise InputError(f"{name}: {path} cannot be read ({error.strerror}), it must be a .json of polygons") from error
 
 
 def _is_file(path: Path) -> bool:
@@ -45,18 +56,25 @@ def _is_file(path: Path) -> bool:
 
 
 def _polygons(name: str, text: str, where: str) -> Region:
+    if len(text) > _MAX_TEXT:
+        raise InputError(f"{name}: {where} has more than {_MAX_TEXT} characters, use a PNG mask for so fine a region")
     try:
         polygons = tuple(np.array(polygon, dtype=np.float64) for polygon in json.loads(text))
     except (ValueError, TypeError, OverflowError, RecursionError) as error:
         raise InputError(f"{name}: {where} must be JSON [[[x, y], ...], ...] ({error})") from error
     if not polygons:
         raise InputError(f"{name}: {where} holds no polygon, it must hold at least one [[x, y], ...]")
+    corners = sum(polygon.shape[0] for polygon in polygons if polygon.ndim)
+    if corners > _MAX_CORNERS:
+        raise InputError(f"{name}: {where} holds {corners} corners, it must hold at most {_MAX_CORNERS}; use a PNG "
+                         "mask for so fine a region")
     return Region(name, polygons)
 
 
 def _mask(name: str, path: Path) -> Region:
-    mask = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    if mask is None:
-        raise InputError(f"{name}: {path} cannot be read as a picture, it must be a PNG mask or a .json of polygons")
-    colours = mask[..., :3] if mask.ndim == 3 else mask[..., None]  # not the alpha channel
-    return Region(name, mask=colours.any(axis=2))
+    try:
+        colours = decode_file(np.fromfile(path, np.uint8, MAX_DECODED))  # not the alpha channel
+    except (OSError, MessageError) as error:
+        raise InputError(f"{name}: {path} cannot be read as a picture, it must be a PNG mask or a .json of polygons "
+                         f"({error})") from error
+    return Region(name, mask=np.asarray(colours.any(axis=2)))

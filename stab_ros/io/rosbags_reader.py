@@ -13,17 +13,17 @@ from typing import TypeAlias
 import apsw
 from rosbags.convert.converter import LATCH, STATIC_MSGTYPE_RENAMES, is_same_wireformat, migrate_bytes
 from rosbags.interfaces import Connection, ConnectionExtRosbag1, MessageDefinitionFormat
-from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag1 import ReaderError as Reader1Error
-from rosbags.rosbag2 import Reader as Reader2
 from rosbags.rosbag2 import ReaderError as Reader2Error
 from rosbags.rosbag2.metadata import dump_qos_v8
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from ruamel.yaml.error import YAMLError
 
 from stab_ros.core.errors import InputError
 from stab_ros.io.bag_types import Message, Topic, topic_of
 from stab_ros.io.messages import typestore
+from stab_ros.io.rosbags_bounds import BoundedReader1, BoundedReader2, unpacked_message
 from stab_ros.io.text import one_line
 
 if sys.version_info >= (3, 14):
@@ -35,8 +35,9 @@ Conversion: TypeAlias = Callable[[bytes], bytes | memoryview]
 
 # what rosbags lets through on damaged files besides its own errors
 _DAMAGE = (
-    Reader1Error, Reader2Error, SerdeError, TypesysError, apsw.Error, zstd.ZstdError, OSError, EOFError, struct.error,
-    ValueError, LookupError, TypeError, AttributeError, AssertionError, RuntimeError, MemoryError, OverflowError,
+    Reader1Error, Reader2Error, SerdeError, TypesysError, YAMLError, apsw.Error, zstd.ZstdError, OSError, EOFError,
+    struct.error, ValueError, LookupError, TypeError, AttributeError, AssertionError, RuntimeError, MemoryError,
+    OverflowError,
 )
 _HEADER = "std_msgs/msg/Header"
 _SCHEMA_ENCODINGS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL: "ros2idl"}
@@ -55,10 +56,12 @@ class RosbagsReader:
         self.topics: dict[str, Topic] = {}
         self._conversions: dict[int, tuple[str, Conversion]] = {}  # by connection id: topic and conversion to CDR
         try:
-            self._reader = Reader1(path) if path.suffix.lower() == ".bag" else Reader2(path)
+            self._reader = BoundedReader1(path) if path.suffix.lower() == ".bag" else BoundedReader2(path)
             self._reader.open()
         except _DAMAGE as error:
             raise InputError(f"{path}: cannot be read ({_reason(error)}), it must be a whole recording") from error
+        packed = isinstance(self._reader, BoundedReader2) and self._reader.packed
+        self._unpack: Callable[[bytes], bytes] = unpacked_message if packed else bytes
         filled = self._reader.message_count > 0
         self.start_ns = self._reader.start_time if filled else 0
         self.end_ns = self._reader.end_time - 1 if filled else 0  # rosbags gives the time after the last message
@@ -85,8 +88,11 @@ class RosbagsReader:
 
     def _converted(self, connection_id: int, time_ns: int, data: bytes) -> Iterator[Message]:
         topic, to_cdr = self._conversions[connection_id]
+        if type(time_ns) is not int or not isinstance(data, (bytes, memoryview)):  # SQLite holds any type anywhere
+            self._warn(f"a message of {topic} has no time or no bytes, it is left out")
+            return
         try:
-            yield Message(topic, time_ns, time_ns, bytes(to_cdr(data)))
+            yield Message(topic, time_ns, time_ns, bytes(to_cdr(self._unpack(data))))
         except _DAMAGE as error:
             self._warn(f"a message of {topic} at {time_ns} ns is damaged ({_reason(error)}), it is left out")
 
@@ -104,7 +110,7 @@ class RosbagsReader:
         self._conversions[connection.id] = topic.name, to_cdr
 
     def _warn(self, what: str) -> None:
-        self.warnings.append(f"{self.path}: {what}")
+        self.warnings.append(f"{self.path}: {one_line(what)}")
 
 
 def _converted_topic(connection: Connection) -> tuple[Topic, Conversion]:

@@ -14,7 +14,7 @@ from stab_ros.core.static_map import StaticMap
 from stab_ros.core.types import Gray
 from stab_ros.io.bag import open_bag
 from stab_ros.io.messages import IMAGE, read_image
-from stab_ros.io.pixels import decode_compressed
+from stab_ros.io.pixels import MAX_DECODED, decode_compressed
 from stab_ros.io.source import STATIC_MAP
 
 
@@ -28,12 +28,16 @@ def read_static_map(values: Mapping[str, Value]) -> StaticMap | None:
     if not text:
         return None
     path = Path(text)
-    return StaticMap.of_picture(_of_bag(path) if path.is_dir() or path.suffix == ".mcap" else _of_picture(path))
+    try:
+        is_bag = path.is_dir() or path.suffix == ".mcap"
+    except OSError as error:  # no possible name of a file
+        raise InputError(f"static_map: {text[:80]!r} is no file, it must be a PNG or a bag with a map") from error
+    return StaticMap.of_picture(_of_bag(path) if is_bag else _of_picture(path))
 
 
 def _of_picture(path: Path) -> Gray:
     try:
-        picture = decode_compressed(np.fromfile(path, np.uint8))
+        picture = decode_compressed(np.fromfile(path, np.uint8, MAX_DECODED))
     except (OSError, ValueError) as error:
         raise InputError(f"static_map: {path} cannot be read, it must be a PNG or a bag with a map") from error
     except MessageError as error:

@@ -9,5 +9,5 @@ def number(value: float | None) -> str:
 
 
 def one_line(text: object) -> str:
-    """Without line breaks: an error is one line."""
-    return " ".join(str(text).split())
+    """Without line breaks, as an error is one line, and without what a terminal would obey."""
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(str(text).split()))

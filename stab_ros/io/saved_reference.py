@@ -1,0 +1,86 @@
+"""The reference of a live stream, kept in a bag so that a restarted tracker goes on against the same one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from stab_ros.core.errors import InputError, MessageError
+from stab_ros.core.static_map import StaticMap
+from stab_ros.core.types import Frame, State, Track
+from stab_ros.io.bag import BagWriter, open_bag, topic_of
+from stab_ros.io.messages import (
+    CAMERA_INFO,
+    DIAGNOSTIC_ARRAY,
+    IMAGE,
+    header_of,
+    image_cdr,
+    read_image,
+    read_values,
+    static_map_cdr,
+    track_cdr,
+)
+
+_TYPES = {"/reference_image": IMAGE, "/static_map": IMAGE, "/track": DIAGNOSTIC_ARRAY, "/camera_info": CAMERA_INFO}
+_NEEDED = frozenset(_TYPES) - {"/camera_info"}
+
+
+@dataclass(frozen=True, eq=False)
+class SavedReference:
+    """frame: as it came, with its lens distortion. camera_info: CDR of the message that tells of that, if it is used.
+
+    reset_counter: how many references there had been before.
+    """
+
+    frame: Frame
+    static_map: StaticMap
+    reset_counter: int
+    camera_info: bytes | None = None
+
+
+def save_reference(path: Path, saved: SavedReference) -> None:
+    """Replaces what `path` held, in one step: a crash leaves the old file or the new one.
+
+    Raises:
+        InputError: it cannot be written there. WorkError: the disk is full.
+    """
+    header, stamp_ns = header_of(saved.frame), saved.frame.stamp_ns
+    place = Track(State.TRACKED, 0, stamp_ns, stamp_ns, saved.reset_counter)
+    messages = {
+        "/reference_image": image_cdr(saved.frame.image, saved.frame.encoding, header),
+        "/static_map": static_map_cdr(saved.static_map, header),
+        "/track": track_cdr(place, header),
+    }
+    if saved.camera_info is not None:
+        messages["/camera_info"] = saved.camera_info
+    with BagWriter(path, overwrite=True) as writer:
+        for name, data in messages.items():
+            writer.add_topic(topic_of(name, _TYPES[name]))
+            writer.write(name, max(stamp_ns, 0), max(stamp_ns, 0), data)
+
+
+def load_reference(path: Path) -> SavedReference | None:
+    """What `save_reference` has written; None: there is no such file yet.
+
+    Raises:
+        InputError: the file holds something else, or is damaged.
+    """
+    if not path.exists():
+        return None
+    with open_bag(path) as bag:
+        found = {message.topic: message.data for message in bag.messages(_TYPES)}
+        types = {name: topic.msgtype for name, topic in bag.topics.items()}
+        damage = "; ".join(bag.warnings)
+    if damage or not found.keys() >= _NEEDED or any(types[name] != _TYPES[name] for name in found):
+        raise _unusable(path, damage or "it lacks a topic")
+    try:
+        return SavedReference(read_image(found["/reference_image"], IMAGE),
+                              StaticMap.of_picture(read_image(found["/static_map"], IMAGE).image),
+                              int(read_values(found["/track"])["reset_counter"]), found.get("/camera_info"))
+    except (MessageError, LookupError, ValueError) as error:
+        raise _unusable(path, str(error)) from error
+
+
+def _unusable(path: Path, why: str) -> InputError:
+    return InputError(f"reference_path: {path} holds no reference that a tracker has saved ({why}), "
+                      "it must be such a file or one that does not exist yet")
