@@ -101,9 +101,9 @@ def test_status_counts_what_happens() -> None:
     assert (report.level, report.message) == (0, "tracked")
     assert report.values == {
         "state": "TRACKED", "method": "direct", "frames_in": "1", "frames_tracked": "1", "frames_lost": "0",
-        "frames_dropped": "3", "frames_refused": "0", "matches": "50", "inliers": "45", "rmse_px": "0.25",
-        "sigma_px": "0.125", "latency_ms": "12.346", "reset_counter": "0", "rival_share": "", "parallax_px": "",
-        "parallax_deg": "",
+        "frames_dropped": "3", "frames_refused": "0", "frames_before": "0", "matches": "50", "inliers": "45",
+        "rmse_px": "0.25", "sigma_px": "0.125", "latency_ms": "12.346", "reset_counter": "0", "rival_share": "",
+        "parallax_px": "", "parallax_deg": "",
     }
 
 
@@ -111,7 +111,9 @@ def test_status_of_lost_refused_and_missing_frames() -> None:
     status = TrackerStatus("klt", stale_ns=2 * SECOND_NS)
     status.on_image(0)
     status.on_track(a_track(State.LOST), latency_ns=1)
-    status.on_refused("step is too short")
+    status.on_refused()
+    status.remark("refused", "refused an image: step 0")
+    status.remark("refused", "refused an image: step is too short")
     report = status.report(SECOND_NS)
     assert (report.level, report.message) == (1, "lost; refused an image: step is too short")
     assert (report.values["rmse_px"], report.values["frames_in"], report.values["frames_lost"]) == ("", "2", "1")

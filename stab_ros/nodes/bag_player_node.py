@@ -17,7 +17,7 @@ from tqdm import tqdm
 from stab_ros.core.config import Checked, setting
 from stab_ros.core.errors import InputError
 from stab_ros.io.bag import BagReader, Message, open_bag
-from stab_ros.io.messages import COMPRESSED_IMAGE, IMAGE, SECOND_NS
+from stab_ros.io.messages import COMPRESSED_IMAGE, IMAGE, OK, SECOND_NS
 from stab_ros.nodes import params
 from stab_ros.nodes.outlet import Outlet
 from stab_ros.nodes.qos import replay_qos
@@ -55,8 +55,11 @@ class BagPlayerNode(StabNode):
         self._outlets: dict[str, Outlet] = {}
         self._clock_outlet = Outlet(self, Clock, _CLOCK, QoSProfile(depth=1)) if self.settings.clock else None
         self._told_ns = 0
+        self._messages = self._rounds = 0
+        self._doing = "opening the recording"
 
     def work(self, spinner: Spinner) -> None:
+        self.every(1.0, self._report)
         with open_bag(Path(self.settings.bag)) as bag:
             self._advertise(bag)
             self._wait_for_subscribers(bag, spinner)
@@ -67,6 +70,12 @@ class BagPlayerNode(StabNode):
         if not spinner.stopping:
             for outlet in self._outlets.values():
                 outlet.flush()
+        self._report()
+        self.flush_reports()
+
+    def _report(self) -> None:
+        """Once a second, and at the end."""
+        self.report(OK, self._doing, {"messages": str(self._messages), "rounds": str(self._rounds)})
 
     def _advertise(self, bag: BagReader) -> None:
         """A publisher for every topic whose type is installed."""
@@ -84,6 +93,7 @@ class BagPlayerNode(StabNode):
 
     def _wait_for_subscribers(self, bag: BagReader, spinner: Spinner) -> None:
         images = [name for name in self._outlets if bag.topics[name].msgtype in (IMAGE, COMPRESSED_IMAGE)]
+        self._doing = f"waiting for {self.settings.wait_for_subscribers} subscribers"
         awaited = [self._outlets[name] for name in images or self._outlets]
         while not spinner.stopping:
             if sum(outlet.subscribers for outlet in awaited) >= self.settings.wait_for_subscribers:
@@ -91,6 +101,8 @@ class BagPlayerNode(StabNode):
             spinner.once()
 
     def _play(self, bag: BagReader, spinner: Spinner) -> None:
+        self._doing = "playing"
+        self._rounds += 1
         start_ns = bag.start_ns + round(self.settings.start_offset * SECOND_NS)
         schedule = Schedule(start_ns, time.monotonic_ns(), self.settings.rate)
         total = sum(bag.topics[name].count for name in self._outlets)
@@ -103,6 +115,7 @@ class BagPlayerNode(StabNode):
                 if spinner.stopping:
                     return
                 self._outlets[message.topic].send(message.data)
+                self._messages += 1
         for warning in bag.warnings:
             self.get_logger().warning(warning)
 

@@ -88,8 +88,8 @@ class BagRecorderNode(StabNode):
         """Logged when it was received, as rosbag2 does; by the simulated clock where there is one."""
         if self._failure is not None:
             return
-        simulated = self.get_parameter("use_sim_time").value
-        log_time_ns = self.get_clock().now().nanoseconds if simulated else info["received_timestamp"]
+        simulated_ns = self.get_clock().now().nanoseconds if self.get_parameter("use_sim_time").value else 0
+        log_time_ns = simulated_ns or info["received_timestamp"]  # a clock that nobody tells stands at zero
         self._try(lambda: writer.write(topic, log_time_ns, info["source_timestamp"], cdr))
         self._messages += 1
         self._bytes += len(cdr)

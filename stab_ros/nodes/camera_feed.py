@@ -24,12 +24,17 @@ class CameraFeed:
 
     def __init__(self, node: Node, changed: Callable[[], None]) -> None:
         self.camera: Camera | None = None
+        self.message: bytes | None = None  # CDR that told of it
         self.settled = False
         self._logger = node.get_logger()
         self._changed = changed
         self._input = AdaptiveSubscription(node, CameraInfo, "camera_info", self._on_camera, keep_all_offered,
                                            "let it publish VOLATILE or TRANSIENT_LOCAL, RELIABLE or BEST_EFFORT")
         self.topic = self._input.topic
+
+    def restore(self, message: bytes) -> None:
+        """The camera that a reference of an earlier run was taken with. Raises MessageError for a damaged message."""
+        self.camera, self.message, self.settled = read_camera(message), message, True
 
     def refresh(self) -> None:
         """Follows the publishers' QoS."""
@@ -47,7 +52,7 @@ class CameraFeed:
             self._logger.warning(f"{self.topic} has changed, the camera that took the reference is kept",
                                  throttle_duration_sec=_WARN_EVERY_S)
             return
-        self.camera = camera
+        self.camera, self.message = camera, cdr
         self._changed()
 
 

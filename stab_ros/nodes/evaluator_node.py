@@ -18,6 +18,7 @@ from stab_ros.core.evaluation import Arrival, Evaluator
 from stab_ros.core.findings import Level, findings
 from stab_ros.core.frame_metrics import FrameMetrics, Outcome
 from stab_ros.core.gray import without_colour
+from stab_ros.core.memory import give_back_memory
 from stab_ros.core.parameters import EVALUATOR_PARAMETERS, evaluator_config
 from stab_ros.core.types import Frame
 from stab_ros.io.engine import make_evaluator
@@ -86,6 +87,7 @@ class EvaluatorNode(StabNode):
         self._backlog, self._pairing = Backlog(waiting_bytes), Pairing(False, waiting_bytes)
         self._inputs: dict[str, AdaptiveSubscription] = {}
         self._received = 0
+        self._overran = False  # more pictures have waited than usual
         self._moved_ns = time.monotonic_ns()  # when the pairing last gave out a frame, or began to wait
         self._awaits_reference = True
         self._frame_id = ""
@@ -175,6 +177,7 @@ class EvaluatorNode(StabNode):
         return True
 
     def _measure_one(self) -> None:
+        self._overran |= self._backlog.crowded
         item = self._backlog.pop()
         try:
             if isinstance(item, Frame):
@@ -185,6 +188,9 @@ class EvaluatorNode(StabNode):
         except InputError as error:
             self.status.on_refused(Level.ERROR, f"nothing can be measured: {error}", time.monotonic_ns())
             self.get_logger().error(f"nothing can be measured: {error}", throttle_duration_sec=_WARN_EVERY_S)
+        if self._overran and not self._backlog:
+            self._overran = False
+            give_back_memory()  # the room of hundreds of pictures
         self._alarm()
 
     def _measured(self, arrival: Arrival) -> FrameMetrics:

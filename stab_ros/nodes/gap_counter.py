@@ -4,14 +4,20 @@ from __future__ import annotations
 
 
 class GapCounter:
-    """How many messages of a publisher never arrived, from the gaps in its numbering."""
+    """How many messages of a publisher never arrived, from the gaps in its numbering.
+
+    before: how many the publisher had sent when the first one arrived, whether or not it was meant for us.
+    """
 
     def __init__(self) -> None:
+        self.before = 0
         self._last: int | None = None
 
     def missed(self, number: int, publishers: int = 1) -> int:
         """Messages missing before this one; 0 for the first, when a publisher starts anew, and for mixed numberings."""
         last, self._last = self._last, number
+        if last is None:
+            self.before = max(number - 1, 0)
         if last is None or publishers > 1 or number <= last:
             return 0
         return number - last - 1

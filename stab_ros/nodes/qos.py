@@ -144,7 +144,7 @@ def replay_qos(offered_qos_profiles: str) -> QoSProfile:
 def _recorded_offers(offered_qos_profiles: str) -> list[dict[str, Any]]:
     try:
         offers = yaml.safe_load(offered_qos_profiles)
-    except yaml.YAMLError:
+    except (yaml.YAMLError, ValueError, RecursionError):  # it is a stranger's
         return []
     if not isinstance(offers, list):
         return []

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import re
 import time
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
@@ -20,11 +23,12 @@ from rclpy.signals import SignalHandlerOptions
 
 from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.memory import keep_freed_memory
-from stab_ros.io.messages import diagnostics_cdr
+from stab_ros.io.messages import WARN, diagnostics_cdr
 from stab_ros.nodes.stopping import StopRequest
 from stab_ros.nodes.transport import use_profile
 
 _STEP_S = 0.1  # how long a wait may last before the wish to stop is looked at
+_NO_CLOCK = "use_sim_time is set, but nobody publishes /clock; what tells the time tells zero until somebody does"
 _SETTLED_S = 0.2  # without a message for so long, the queues are empty
 
 
@@ -65,6 +69,8 @@ class StabNode(Node):
             super().__init__(name, automatically_declare_parameters_from_overrides=True, parameter_overrides=overrides)
         except ValueError as error:
             raise ConfigError(f"a parameter was given an empty value, it must be left out instead ({error})") from error
+        except RuntimeError as error:  # rclpy's RCLError, as where security is asked for and cannot be had
+            raise InputError(f"the node cannot be made: {str(error).split(', at ')[0]}") from error
         self.stop = StopRequest()
         self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
 
@@ -83,8 +89,15 @@ class StabNode(Node):
     def report(self, level: int, message: str, values: Mapping[str, str]) -> None:
         """One status on /diagnostics, named as the node and with its namespace as hardware."""
         now_ns = self.get_clock().now().nanoseconds
+        if now_ns == 0:  # only a simulated clock can stand there
+            level, message = max(level, WARN), f"{message}; {_NO_CLOCK}"
+            self.get_logger().warning(_NO_CLOCK, once=True)
         name = self.get_fully_qualified_name().lstrip("/")
         self._diagnostics.publish(diagnostics_cdr(now_ns, name, self.get_namespace(), level, message, values))
+
+    def flush_reports(self) -> None:
+        """Before the end: lets the last report arrive."""
+        self._diagnostics.wait_for_all_acked(Duration(seconds=1))
 
 
 def run(make: Callable[[], StabNode], stop: StopRequest) -> int:
@@ -137,7 +150,16 @@ def message_class(msgtype: str) -> Any:
     named = re.fullmatch(r"(\w+)/msg/(\w+)", msgtype)
     if named is None:
         raise InputError(f"{msgtype!r} is no message type, it must be named as package/msg/Name")
+    if not _holds_messages(named[1]):  # a bag may name any module, and importing it runs it
+        raise InputError(f"message type {msgtype} is not installed")
     try:
         return getattr(importlib.import_module(f"{named[1]}.msg"), named[2])
     except (ImportError, AttributeError) as error:
         raise InputError(f"message type {msgtype} is not installed") from error
+
+
+def _holds_messages(package: str) -> bool:
+    """Whether an installed package looks like one of messages; it is not imported."""
+    spec = importlib.util.find_spec(package)
+    places = spec.submodule_search_locations if spec else None
+    return any((Path(place) / "msg" / "__init__.py").is_file() for place in places or ())

@@ -16,11 +16,13 @@ from std_srvs.srv import Trigger
 
 from stab_ros.core.config import Checked, Value, setting
 from stab_ros.core.debug import draw_debug
-from stab_ros.core.errors import InputError
+from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.memory import give_back_memory
 from stab_ros.core.parameters import PARAMETERS, check_change, table_with_preset
+from stab_ros.core.reference import SMALLEST_PX
 from stab_ros.core.stabilizer import Stabilizer
 from stab_ros.core.static_map import StaticMap
+from stab_ros.core.timeline import Step
 from stab_ros.core.types import Frame, State, Track
 from stab_ros.io.engine import make_stabilizer, reconfigure
 from stab_ros.io.messages import (
@@ -41,7 +43,9 @@ from stab_ros.nodes.camera_feed import CameraFeed
 from stab_ros.nodes.gap_counter import GapCounter
 from stab_ros.nodes.outlet import Outlet
 from stab_ros.nodes.qos import LATCHED, AdaptiveSubscription, keep_all_reliable, newest_only
+from stab_ros.nodes.reference_file import ReferenceFile
 from stab_ros.nodes.runtime import StabNode
+from stab_ros.nodes.stamp_watch import StampWatch
 from stab_ros.nodes.tracker_status import TrackerStatus
 from stab_ros.nodes.warm_up import warm_up
 
@@ -59,6 +63,8 @@ class TrackerSettings(Checked):
                                    choices=("raw", "compressed"))
     wait_for_subscribers: int = setting(0, "take images only once so many subscribers match homography", 0, 1000)
     stale_s: float = setting(2.0, "without an image for so long the state is STALE, s", 0.05, 3600.0)
+    reference_path: str = setting("", "an .mcap file that the reference is saved to, and that a tracker goes on from "
+                                  'when it is started again; "": each start has a reference of its own')
 
 
 SETTINGS = params.table_of(TrackerSettings)
@@ -91,7 +97,9 @@ class TrackerNode(StabNode):
         self.status = TrackerStatus(str(values["method"]), round(self.settings.stale_s * SECOND_NS))
         self._image_type = COMPRESSED_IMAGE if self.settings.image_transport == "compressed" else IMAGE
         self._input: AdaptiveSubscription | None = None
-        self._gaps = GapCounter()
+        self._warned_s: dict[str, float] = {}  # by kind of warning
+        self._gaps, self._stamps = GapCounter(), StampWatch()
+        self._file = ReferenceFile(self.settings.reference_path, self.get_logger())
         self._held: deque[tuple[bytes, int]] = deque(maxlen=_HELD_IMAGES)
         self._waiting: dict[int, _Waiting] = {}  # frames that are not answered yet, by index
         self._published_reference: Frame | None = None
@@ -99,6 +107,7 @@ class TrackerNode(StabNode):
         self._make_outlets(lossless=self.settings.queue_depth == 0)
         self.create_service(Trigger, "~/reset_reference", self._reset_reference)
         params.LiveChanges(self, PARAMETERS, self._change)
+        self._resume()
 
     def _make_outlets(self, lossless: bool) -> None:
         self.homography = Outlet(self, CameraInfo, "homography", QoSProfile(depth=100), lossless)
@@ -107,6 +116,18 @@ class TrackerNode(StabNode):
         self.reference_image = Outlet(self, Image, "~/reference_image", LATCHED)
         self.static_map = Outlet(self, Image, "~/static_map", LATCHED)
         self.debug_image = Outlet(self, Image, "~/debug_image", QoSProfile(depth=1))
+
+    def _resume(self) -> None:
+        """Goes on where an earlier run ended, if it has saved its reference."""
+        saved = self._file.saved
+        if saved is None:
+            return
+        self._file.check_camera(self.camera is not None)
+        if self.camera is not None and saved.camera_info is not None:
+            self.camera.restore(saved.camera_info)
+            self.stabilizer = make_stabilizer(self.values, self.camera.camera)
+        self._file.resume(self.stabilizer)
+        self._publish_references()
 
     def prepare(self) -> None:
         warm_up(self.values)
@@ -154,18 +175,42 @@ class TrackerNode(StabNode):
     def _answer(self, cdr: bytes, source_ns: int) -> None:
         index = self.stabilizer.frames
         try:
-            frame = read_image(cdr, self._image_type)
+            frame = _read(cdr, self._image_type)
+            if self._stamps.is_duplicate(frame.stamp_ns):
+                self.status.on_dropped(1)
+                self._warn_of(Step.SAME)
+                return
             tracks = self.stabilizer.answers(frame)
         except InputError as error:
-            self.status.on_refused(str(error))
-            self.get_logger().warning(f"refused an image: {error}", throttle_duration_sec=_WARN_EVERY_S)
+            self.status.on_refused()
+            self._warn("refused", f"refused an image: {error}")
             return
-        self.status.on_image(time.monotonic_ns())
+        self._count(frame)
         self._waiting[index] = _Waiting(header_of(frame), frame.size, source_ns)
         self._publish_tracks(tracks)
         self._publish_references()
         if tracks and tracks[-1].index == index:
             self._publish_images(frame, tracks[-1])
+
+    def _count(self, frame: Frame) -> None:
+        """An image that is answered: says what is odd about when it has come."""
+        gap_s = self.status.on_image(time.monotonic_ns())
+        if gap_s:
+            self._warn("gap", f"images again after {gap_s:.1f} s without any, at stamp {frame.stamp_ns} ns")
+        self._warn_of(self._stamps.take(frame.stamp_ns))
+
+    def _warn_of(self, step: Step) -> None:
+        text = self._stamps.words(step)
+        if text:
+            self._warn(step.value, text)
+
+    def _warn(self, kind: str, text: str) -> None:
+        """With the next report and, now and then of each kind, in the log."""
+        self.status.remark(kind, text)
+        now_s = time.monotonic()
+        if now_s - self._warned_s.get(kind, -_WARN_EVERY_S) >= _WARN_EVERY_S:
+            self._warned_s[kind] = now_s
+            self.get_logger().warning(text)
 
     def _publish_tracks(self, tracks: list[Track]) -> None:
         """What others wait for comes before the slow warp; what was deferred comes under its own stamp."""
@@ -187,6 +232,9 @@ class TrackerNode(StabNode):
             self._published_map = static_map
             give_back_memory()
             self.static_map.send(static_map_cdr(static_map, header_of(reference)))
+        failure = self._file.keep(self.stabilizer, self.camera.message if self.camera else None)
+        if failure:
+            self.status.remark("reference_path", failure)
 
     def _publish_images(self, frame: Frame, track: Track) -> None:
         header = header_of(frame)
@@ -199,7 +247,9 @@ class TrackerNode(StabNode):
             self.debug_image.send(image_cdr(draw_debug(frame, self.stabilizer), "bgr8", header))
 
     def _publish_reference(self, reference: Frame) -> None:
-        self._published_reference = reference
+        before, self._published_reference = self._published_reference, reference
+        if before is not None and not before.is_like(reference):
+            self._warn("kind", f"the images are {reference.kind} now, they were {before.kind}: a new reference")
         if self.camera is not None:
             self.camera.settled = True
         in_place = Track(State.TRACKED, 0, reference.stamp_ns, reference.stamp_ns, 0, ref_H_cur=np.eye(3))
@@ -229,5 +279,15 @@ class TrackerNode(StabNode):
 
     def _report(self) -> None:
         self.status.rival, self.status.relief = self.stabilizer.rival, self.stabilizer.relief
+        self.status.stamps, self.status.before = self._stamps.counts, self._gaps.before
         report = self.status.report(time.monotonic_ns())
         self.report(report.level, report.message, report.values)
+
+
+def _read(cdr: bytes, msgtype: str) -> Frame:
+    """The frame in a message. Raises MessageError also where it is too small to find anything again in it."""
+    frame = read_image(cdr, msgtype)
+    if min(frame.size) < SMALLEST_PX:
+        raise MessageError(f"image width x height is {frame.size[0]}x{frame.size[1]}, "
+                           f"both must be at least {SMALLEST_PX} px")
+    return frame

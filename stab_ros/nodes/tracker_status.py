@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from stab_ros.core.ground_choice import Rival
@@ -28,17 +29,21 @@ class TrackerStatus:
         self.waiting_for = "image"
         self.rival: Rival | None = None  # what may be the ground as well
         self.relief: Relief | None = None  # what shows that the ground is no plane
+        self.stamps: Mapping[str, str] = {}  # counts of odd ones
+        self.before = 0  # images published before the first that reached us
         self._stale_ns = stale_ns
         self._received = self._tracked = self._lost = self._dropped = self._refused = 0
-        self._refusal = ""
+        self._remarks: dict[str, str] = {}  # by kind, until the next report
         self._latency_ns = 0
         self._track: Track | None = None
         self._last_ns: int | None = None
 
-    def on_image(self, now_ns: int) -> None:
-        """An image that is answered, now or later."""
+    def on_image(self, now_ns: int) -> float:
+        """An image that is answered, now or later. Seconds since the one before if that is too long, else 0."""
+        gap_s = (now_ns - (self._last_ns or 0)) / 1e9 if self.is_stale(now_ns) else 0.0
         self._received += 1
         self._last_ns = now_ns
+        return gap_s
 
     def on_track(self, track: Track, latency_ns: int) -> None:
         """An answer. latency_ns: from the image's publication to that of its homography."""
@@ -46,27 +51,28 @@ class TrackerStatus:
         self._lost += not track.tracked
         self._track, self._latency_ns = track, latency_ns
 
-    def on_refused(self, reason: str) -> None:
+    def on_refused(self) -> None:
         """An image that could not be used."""
         self._received += 1
         self._refused += 1
-        self._refusal = reason
 
     def on_dropped(self, frames: int) -> None:
         """Images that were published but never reached us."""
         self._dropped += frames
 
+    def remark(self, kind: str, text: str) -> None:
+        """What the next report tells, once; of each kind the last."""
+        self._remarks[kind] = text
+
     def report(self, now_ns: int) -> Report:
-        """The status since the last report; what was refused meanwhile is named once."""
+        """The status since the last report."""
         state = self._state(now_ns)
         level = {"TRACKED": OK, "STALE": ERROR}.get(state, WARN)
         message = self._message(state, now_ns)
-        for remark in (self.rival, self.relief):
+        remarks, self._remarks = self._remarks, {}
+        for remark in (self.rival, self.relief, *remarks.values()):
             if remark is not None:
                 level, message = max(level, WARN), f"{message}; {remark}"
-        refusal, self._refusal = self._refusal, ""
-        if refusal:
-            level, message = max(level, WARN), f"{message}; refused an image: {refusal}"
         return Report(level, message, self._values(state))
 
     def is_stale(self, now_ns: int) -> bool:
@@ -95,6 +101,8 @@ class TrackerStatus:
             "frames_lost": str(self._lost),
             "frames_dropped": str(self._dropped),
             "frames_refused": str(self._refused),
+            "frames_before": str(self.before),
+            **self.stamps,
             "matches": str(track.matches if track else 0),
             "inliers": str(track.inliers if track else 0),
             "rmse_px": number(track.rmse_px if track else None),

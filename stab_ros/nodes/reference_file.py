@@ -1,0 +1,59 @@
+"""The file of `reference_path`: taken up when the tracker starts, written whenever its reference is another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rclpy.impl.rcutils_logger import RcutilsLogger
+
+from stab_ros.core.errors import InputError, StabRosError
+from stab_ros.core.stabilizer import Stabilizer
+from stab_ros.io.saved_reference import SavedReference, load_reference, save_reference
+
+
+class ReferenceFile:
+    """path: "" for none.
+
+    Raises:
+        InputError: the file cannot be used, or its folder is missing.
+    """
+
+    def __init__(self, path: str, logger: RcutilsLogger) -> None:
+        self._path = Path(path) if path else None
+        self._logger = logger
+        self._kept: tuple[object, int] | None = None  # the reference and the counter that the file holds
+        if self._path is not None and (self._path.suffix != ".mcap" or not self._path.parent.is_dir()):
+            raise InputError(f"reference_path: {path} must name an .mcap file in a folder that exists")
+        self.saved = load_reference(self._path) if self._path else None
+
+    def check_camera(self, undistorts: bool) -> None:
+        """Raises InputError where only one of the saved reference and the images to come has its distortion removed."""
+        if self.saved is not None and undistorts != (self.saved.camera_info is not None):
+            other = "false" if undistorts else "true"
+            raise InputError(f"reference_path: {self._path} was saved with use_camera_info {other}, "
+                             "it must be used with the same setting")
+
+    def resume(self, stabilizer: Stabilizer) -> None:
+        """Lets the engine go on against the saved reference, if there is one."""
+        saved, self.saved = self.saved, None
+        if saved is None:
+            return
+        stabilizer.resume(saved.frame, saved.static_map, saved.reset_counter)
+        self._kept = stabilizer.reference, stabilizer.reset_counter
+        self._logger.info(f"going on against the reference of stamp {saved.frame.stamp_ns} ns from {self._path}")
+
+    def keep(self, stabilizer: Stabilizer, camera_info: bytes | None) -> str:
+        """Writes what the file does not hold yet, once its ground is known; why that failed, "" if it did not."""
+        state = stabilizer.reference, stabilizer.reset_counter
+        if self._path is None or stabilizer.deferring or state == self._kept:
+            return ""
+        reference, static_map = stabilizer.reference, stabilizer.static_map
+        if reference is None or static_map is None:
+            return ""
+        self._kept = state
+        try:
+            save_reference(self._path, SavedReference(reference, static_map, stabilizer.reset_counter, camera_info))
+        except StabRosError as error:
+            self._logger.error(f"reference_path: the reference is not saved: {error}")
+            return f"the reference is not saved: {error}"
+        return ""
