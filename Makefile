@@ -10,12 +10,15 @@ unexport PYTHONHOME PYTHONPATH LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTAT
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help install demo test lint bench clean
+.PHONY: help install demo test faults soak fuzz lint bench clean
 .DELETE_ON_ERROR:
 
 help:
 	@echo "make demo    replay the recorded flight through the live nodes, show the result and its error"
 	@echo "make test    lint, type check and tests"
+	@echo "make faults  what must be survived: killed nodes, full disks, hostile bytes, cut links (as root, all of it)"
+	@echo "make soak    an hour of 1080p at 25 frames/s: memory, latency, and every frame accounted for"
+	@echo "make fuzz    a million damaged inputs for every reader"
 	@echo "make lint    lint and type check alone"
 	@echo "make bench   time a frame, step by step"
 	@echo "make install set up .venv (the others do it when needed)"
@@ -28,7 +31,17 @@ demo: $(INSTALLED)
 
 test: export ROS_PYTHON_CHECK_FIELDS := 1
 test: lint
-	$(PY) -m pytest -n 2 --dist loadfile
+	$(PY) -m pytest -n 2 --dist loadfile --ignore test/faults
+
+faults: export ROS_PYTHON_CHECK_FIELDS := 1
+faults: $(INSTALLED)
+	$(PY) -m pytest -n 2 --dist loadfile test/faults
+
+soak: $(INSTALLED)
+	@$(PY) bench/soak.py
+
+fuzz: $(INSTALLED)
+	@$(PY) test/faults/fuzz.py --inputs 1000000
 
 lint: $(INSTALLED)
 	$(PY) -m ruff check .

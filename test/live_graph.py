@@ -65,10 +65,10 @@ class NodeProcess:
 class Graph:
     """What a test sees of a ROS graph that nobody else is on."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, domain: int | None = None) -> None:
         self._folder = folder
         use_profile()  # the observer publishes pictures too
-        domain = next_domain()
+        domain = domain or next_domain()
         self.environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_LOG_DIR": str(folder)}
         self.context = Context()
         rclpy.init(context=self.context, domain_id=domain)
@@ -133,9 +133,14 @@ class Graph:
             process.send_signal(signal.SIGINT)
         for process in running:
             _end(process)
-        self._executor.shutdown()
-        self.node.destroy_node()
-        self.context.shutdown()
+        self.close_observer()
+
+    def close_observer(self) -> None:
+        """Also gives back the shared memory of nodes that the observer has read from."""
+        if self.context.ok():
+            self._executor.shutdown()
+            self.node.destroy_node()
+            self.context.shutdown()
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
@@ -147,8 +152,9 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 @contextmanager
-def graph_in(folder: Path) -> Iterator[Graph]:
-    graph = Graph(folder)
+def graph_in(folder: Path, domain: int | None = None) -> Iterator[Graph]:
+    """domain: None, one that no other test is on."""
+    graph = Graph(folder, domain)
     try:
         yield graph
     finally:

@@ -16,7 +16,6 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from recordings import IMAGE_TOPIC
-from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import Trigger
 
@@ -68,28 +67,6 @@ def test_live_gives_what_the_command_gives(
     at_hand = [stamp == sent[0] or stamp >= sent[0] + start_s * 1e9 for stamp in sent]  # when their answer was known
     assert images == [data for data, known in zip(all_images, at_hand, strict=True) if known]
     assert tracks(recorded, "/cam/tracker_node/track") == tracks(offline, "/cam/track")
-
-
-@pytest.mark.parametrize(
-    ("name", "number"),
-    [("tracker_node", signal.SIGINT), ("tracker_node", signal.SIGTERM), ("bag_player_node", signal.SIGINT),
-     ("bag_recorder_node", signal.SIGTERM)],
-)
-def test_signals_end_a_node_cleanly(
-    graph: Graph, recordings: dict[str, Path], tmp_path: Path, name: str, number: int
-) -> None:
-    diagnostics = graph.listen(DiagnosticArray, "/diagnostics")
-    clock = graph.listen(Clock, "/clock")
-    own: dict[str, dict[str, Any]] = {
-        "bag_player_node": {"bag": str(recordings["mcap"]), "rate": 0.01, "clock": True},
-        "bag_recorder_node": {"output": str(tmp_path / "out.mcap")},
-    }
-    node = graph.start(name, **own.get(name, {}))
-    graph.until(lambda: diagnostics or clock, f"{name} at work")
-    node.process.send_signal(number)
-    node.process.send_signal(signal.SIGTERM)
-    assert node.stop(number) == 0
-    assert "Traceback" not in node.log
 
 
 @pytest.mark.parametrize(

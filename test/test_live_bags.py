@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import resource
-import signal
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -17,8 +16,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 from std_msgs.msg import Float64, String
 
-from stab_ros.io.bag import BagWriter, Topic, open_bag, topic_of
-from stab_ros.io.recover import recover
+from stab_ros.io.bag import BagWriter, Topic, topic_of
 
 STRING = "std_msgs/msg/String"
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -169,21 +167,3 @@ def test_full_disk_is_reported_and_survived(graph: Graph, tmp_path: Path) -> Non
     with (tmp_path / "out.mcap.partial").open("rb") as file:
         read = [deserialize_message(message.data, String).data for _, _, message in make_reader(file).iter_messages()]
     assert read == ["first"]
-
-
-def test_killed_recorder_leaves_what_it_had(graph: Graph, tmp_path: Path) -> None:
-    recorder = graph.start("bag_recorder_node", output=str(tmp_path / "out.mcap"), topics=["/said"])
-    said = graph.speak(String, "/said")
-    for number in range(20):
-        said.publish(String(data=str(number)))
-    partial = tmp_path / "out.mcap.partial"
-
-    def written() -> bool:
-        return partial.read_bytes().count(b"/said") > 0 and b"\x0019" in partial.read_bytes()
-
-    graph.until(written, "a closed chunk")
-    assert recorder.stop(signal.SIGKILL) == -signal.SIGKILL
-    recover(partial, tmp_path / "fixed.mcap")
-    with open_bag(tmp_path / "fixed.mcap") as bag:
-        read = [deserialize_message(message.data, String).data for message in bag.messages(["/said"])]
-    assert read == [str(number) for number in range(20)]

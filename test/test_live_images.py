@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import signal
 import threading
 import time
-from array import array
 from pathlib import Path
 
 import cv2
@@ -90,81 +88,6 @@ def anonymous_mb(pid: int) -> float:
     return int(Path(f"/proc/{pid}/status").read_text(encoding="utf-8").partition("RssAnon:")[2].split()[0]) / 1024
 
 
-HOSTILE: dict[str, dict[str, object]] = {
-    "claims more pixels than it has": {"height": 100_000, "width": 100_000, "step": 100_000},
-    "rows shorter than the picture is wide": {"step": 1},
-    "unknown encoding": {"encoding": "holographic"},
-    "no pixels": {"height": 0, "width": 0, "step": 0, "data": array("B")},
-    "data cut off": {"data": array("B", bytes(1000))},
-}
-
-
-def test_hostile_images_are_refused_and_counted(graph: Graph, flight: list[Shot]) -> None:
-    tracker = graph.start("tracker_node", queue_depth=0, wait_for_subscribers=1)
-    diagnostics = graph.listen(DiagnosticArray, "/diagnostics")
-    answers = graph.listen(CameraInfo, "/homography")
-    camera = graph.speak(Image, "/image_raw")
-    for number, wrong in enumerate(HOSTILE.values()):
-        camera.publish(image_message(flight[0].image, number, **wrong))
-    camera.publish(image_message(flight[0].image, 77))
-    graph.until(lambda: answers, "an answer to the good image")
-    assert [stamp_ns(one) for one in answers] == [77]
-    graph.until(lambda: diagnostics and values_of(diagnostics[-1])["frames_in"] == str(len(HOSTILE) + 1), "the report")
-    told = values_of(diagnostics[-1])
-    assert (told["frames_refused"], told["frames_tracked"]) == (str(len(HOSTILE)), "1")
-    assert "refused an image: " in tracker.log
-    assert any("refused an image: " in one.status[0].message for one in diagnostics)
-
-
-def test_images_wait_for_their_camera(graph: Graph, flight: list[Shot]) -> None:
-    tracker = graph.start("tracker_node", use_camera_info=True, queue_depth=0)
-    diagnostics = graph.listen(DiagnosticArray, "/diagnostics", 1)
-    answers = graph.listen(CameraInfo, "/homography")
-    images = graph.speak(Image, "/image_raw")
-    infos = graph.speak(CameraInfo, "/camera_info")
-    images.publish(image_message(flight[0].image, 1))
-    graph.until(lambda: diagnostics and "camera_info" in diagnostics[-1].status[0].message, "the wait for camera_info")
-
-    width, height = flight[0].image.shape[::-1]
-    good = CameraInfo(width=width, height=height, distortion_model="plumb_bob", d=[-0.1, 0.01, 0.0, 0.0, 0.0],
-                      k=[400.0, 0.0, width / 2, 0.0, 400.0, height / 2, 0.0, 0.0, 1.0])
-    uncalibrated = CameraInfo(width=width, height=height, distortion_model="plumb_bob")
-    not_a_number = CameraInfo(width=width, height=height, distortion_model="plumb_bob", k=[math.nan] * 9)
-    other_size = CameraInfo(width=99, height=99, distortion_model="plumb_bob", d=good.d, k=good.k)
-    for info in (uncalibrated, not_a_number):
-        infos.publish(info)
-    graph.until(lambda: "/camera_info is refused: camera_info: K" in tracker.log, "the reason")
-    assert not answers
-    infos.publish(good)
-    graph.until(lambda: len(answers) == 1, "the image that had waited")
-    assert (list(answers[0].k), list(answers[0].d)) == (list(good.k), list(good.d))
-    infos.publish(other_size)
-    graph.until(lambda: "camera_info has changed" in tracker.log, "the warning")
-    images.publish(image_message(flight[1].image, 2))
-    graph.until(lambda: len(answers) == 2, "the next answer")
-    assert list(answers[1].k) == list(good.k)
-
-
-def test_camera_of_another_size_is_refused_until_a_right_one_comes(graph: Graph, flight: list[Shot]) -> None:
-    tracker = graph.start("tracker_node", use_camera_info=True, queue_depth=0)
-    answers = graph.listen(CameraInfo, "/homography")
-    images = graph.speak(Image, "/image_raw")
-    infos = graph.speak(CameraInfo, "/camera_info", LATCHED)
-    height, width = flight[0].image.shape
-    K = [400.0, 0.0, width / 2, 0.0, 400.0, height / 2, 0.0, 0.0, 1.0]
-    infos.publish(CameraInfo(width=99, height=99, distortion_model="plumb_bob", k=K))
-    images.publish(image_message(flight[0].image, 1))
-    graph.until(lambda: "camera_info is for 99x99 px, the images have" in tracker.log, "the reason")
-    infos.publish(CameraInfo(width=width, height=height, distortion_model="plumb_bob", k=K))
-
-    def answered() -> bool:  # the two topics may overtake each other
-        images.publish(image_message(flight[0].image, 2))
-        return bool(answers)
-
-    graph.until(answered, "an answer with the right camera")
-    assert stamp_ns(answers[0]) == 2
-
-
 def test_compressed_images(graph: Graph, flight: list[Shot]) -> None:
     graph.start("tracker_node", "/cam", image_transport="compressed", queue_depth=0, wait_for_subscribers=1)
     answers = graph.listen(CameraInfo, "/cam/homography")
@@ -177,22 +100,3 @@ def test_compressed_images(graph: Graph, flight: list[Shot]) -> None:
     assert images[0].encoding == "bgr8"
     shown = np.frombuffer(bytes(images[0].data), np.uint8).reshape(*flight[0].image.shape, 3)
     assert np.array_equal(shown[..., 0], flight[0].image)
-
-
-def test_best_effort_camera(graph: Graph, flight: list[Shot]) -> None:
-    """The newest frame is taken from whoever offers it; to keep all frames, the camera must be RELIABLE."""
-    newest = graph.start("tracker_node", "/newest", remap={"image_raw": "/image_raw"})
-    keeping = graph.start("tracker_node", "/keeping", remap={"image_raw": "/image_raw"}, queue_depth=0)
-    answers = graph.listen(CameraInfo, "/newest/homography")
-    graph.until(lambda: all("ready" in one.log for one in (newest, keeping)), "both ready")
-    camera = graph.speak(Image, "/image_raw", BEST_EFFORT)
-
-    def answered() -> bool:  # the tracker may still be subscribing anew
-        camera.publish(image_message(flight[0].image, 1))
-        return bool(answers)
-
-    graph.until(answered, "an answer")
-    graph.until(lambda: "ERROR" in keeping.log, "the error")
-    assert "/image_raw: a publisher offers an incompatible RELIABILITY" in keeping.log
-    assert "let it offer RELIABLE, or set queue_depth:=1" in keeping.log
-    assert "ERROR" not in newest.log

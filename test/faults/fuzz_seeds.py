@@ -1,0 +1,203 @@
+"""Sound inputs of every reader, small, for the fuzzer to damage; `python fuzz_seeds.py FOLDER` writes them all.
+
+Made in a process of its own, as the libraries that write them need memory that the readers do not.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+import sys
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import cv2
+import numpy as np
+from bag_makers import FLIGHT, JAZZY, NOETIC, START_NS, STRING, by_mcap, ros1_messages
+from mcap.writer import CompressionType
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import Writer as Writer2
+
+from stab_ros.io import messages as m
+from stab_ros.io.pixels import DECODED
+
+_TIME = JAZZY.types["builtin_interfaces/msg/Time"](sec=1_700_000_000, nanosec=123)
+_HEADER = JAZZY.types["std_msgs/msg/Header"](stamp=_TIME, frame_id="cam")
+_SIZE = (4, 6)  # height, width of the pictures
+
+
+def images() -> Iterator[bytes]:
+    for encoding in DECODED:
+        bits = 16 if "16" in encoding else 8
+        channels = 2 if encoding.startswith(("yu", "uy")) else {"b": 3, "r": 3}.get(encoding[0], 1)
+        channels = 4 if encoding.startswith(("bgra", "rgba")) or encoding == "8UC4" else channels
+        channels = 3 if encoding == "8UC3" else 1 if encoding.startswith("bayer") else channels
+        step = _SIZE[1] * channels * bits // 8
+        for big_endian, padding in ((0, 0), (1, 2)):
+            data = np.arange(_SIZE[0] * (step + padding), dtype=np.uint16).astype(np.uint8)
+            message = JAZZY.types[m.IMAGE](_HEADER, *_SIZE, encoding, big_endian, step + padding, data)
+            yield bytes(JAZZY.serialize_cdr(message, m.IMAGE, little_endian=not big_endian))
+
+
+def _picture(channels: int = 3, bits: int = 8) -> np.ndarray:
+    rng = np.random.default_rng(1)
+    return rng.integers(0, 2**bits - 1, (*_SIZE, channels), np.uint16).astype(np.uint8 if bits == 8 else np.uint16)
+
+
+def _encoded(suffix: str, picture: np.ndarray, *options: int) -> bytes:
+    return bytes(cv2.imencode(suffix, picture, options)[1])
+
+
+def jpeg_files() -> Iterator[bytes]:
+    for channels in (1, 3):
+        yield _encoded(".jpg", _picture(channels))
+    yield _encoded(".jpg", _picture(), cv2.IMWRITE_JPEG_PROGRESSIVE, 1)
+    yield _encoded(".jpg", _picture(), cv2.IMWRITE_JPEG_RST_INTERVAL, 1, cv2.IMWRITE_JPEG_OPTIMIZE, 1)
+
+
+def png_files() -> Iterator[bytes]:
+    for channels in (1, 3, 4):
+        for bits in (8, 16):
+            yield _encoded(".png", _picture(channels, bits))
+    yield _encoded(".png", _picture(1) & 128, cv2.IMWRITE_PNG_BILEVEL, 1)
+
+
+def _compressed(data: bytes) -> bytes:
+    message = JAZZY.types[m.COMPRESSED_IMAGE](_HEADER, "png", np.frombuffer(data, np.uint8))
+    return bytes(JAZZY.serialize_cdr(message, m.COMPRESSED_IMAGE))
+
+
+def compressed_images() -> Iterator[bytes]:
+    yield from map(_compressed, (*jpeg_files(), *png_files()))
+
+
+def camera_infos() -> Iterator[bytes]:
+    """Cameras and, as P makes them such, homographies."""
+    roi = JAZZY.types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
+    K = np.array([400.0, 0, 240, 0, 400, 135, 0, 0, 1])
+    P = np.array([400.0, 0, 240, 0, 0, 400, 135, 0, 0, 0, 1, 0])
+    for model, d in (("plumb_bob", 5), ("rational_polynomial", 8), ("equidistant", 4), ("plumb_bob", 0)):
+        message = JAZZY.types[m.CAMERA_INFO](
+            _HEADER, 270, 480, model, np.full(d, 0.01), K, np.eye(3).ravel(), P, 0, 0, roi)
+        for little_endian in (True, False):
+            yield bytes(JAZZY.serialize_cdr(message, m.CAMERA_INFO, little_endian=little_endian))
+    lost = JAZZY.types[m.CAMERA_INFO](_HEADER, 270, 480, "", np.zeros(0), K * 0, K * 0, P * 0, 0, 0, roi)
+    yield bytes(JAZZY.serialize_cdr(lost, m.CAMERA_INFO))
+
+
+def _written(name: str, write: Callable[[Path], object]) -> bytes:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        write(path)
+        return path.read_bytes()
+
+
+def mcap_files() -> Iterator[bytes]:
+    """Without CRCs too, so that damage gets past them."""
+    short = [message for message in FLIGHT if message.topic == "/notes"]
+    variants: tuple[dict[str, Any], ...] = (
+        {}, {"enable_crcs": False}, {"enable_crcs": False, "use_chunking": False},
+        {"enable_crcs": False, "use_summary_offsets": False, "use_statistics": False})
+    for options in variants:
+        for compression in (CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD):
+            whole = _written("a.mcap", partial(by_mcap, messages=short[:6], chunk_size=120, compression=compression,
+                                               **options))
+            yield whole
+        yield whole[: len(whole) * 2 // 3]  # without an index
+
+
+def db3_files() -> Iterator[bytes]:
+    with TemporaryDirectory() as folder:
+        with Writer2(Path(folder) / "bag", version=9) as writer:
+            connection = writer.add_connection("/notes", STRING, typestore=JAZZY)
+            for message in FLIGHT[1:10:2]:
+                writer.write(connection, message.log_time_ns, message.data)
+        yield (Path(folder) / "bag" / "bag.db3").read_bytes()
+
+
+def bag_files() -> Iterator[bytes]:
+    for compression in (None, Writer1.CompressionFormat.BZ2, Writer1.CompressionFormat.LZ4):
+        yield _written("a.bag", partial(_write_ros1, compression=compression))
+
+
+def _write_ros1(path: Path, compression: Any) -> None:
+    writer = Writer1(path)
+    if compression:
+        writer.set_compression(compression)
+    with writer:
+        for topic, msgtype, message in ros1_messages()[:1]:
+            connection = writer.add_connection(topic, msgtype, typestore=NOETIC)
+            for number in range(3):
+                writer.write(connection, START_NS + number, NOETIC.serialize_ros1(message, msgtype))
+
+
+def points_tables() -> Iterator[bytes]:
+    yield b"name,x,y\nV1,10,20.5\nleft bank,1e2,7\n"
+    yield b'\xef\xbb\xbfy,x,name,note\r\n20.5,10,V1,"a, b"\r\n7, 100, "left\nbank",\r\n'
+
+
+def point_lists() -> Iterator[bytes]:
+    yield b"[[60, 50], [330, 60.4], [340.2, 240], [70, 230.7]]"
+
+
+def polygons() -> Iterator[bytes]:
+    square = [[100, 50], [300, 50], [300, 250], [100, 250]]
+    yield json.dumps([square]).encode()
+    yield json.dumps([square, [[0.5, 0.5], [9, 1e1], [-3, 20]]]).encode()
+
+
+def homography_tables() -> Iterator[bytes]:
+    header = "frame,stamp_ns,status,h00,h01,h02,h10,h11,h12,h20,h21,h22"
+    yield (f"{header}\n0,1700000000000000000,TRACKING,1,0,0,0,1,0,0,0,1\n1,1700000000040000000,LOST,,,,,,,,,\n"
+           "2,1700000000080000000,OK,1.01,-0.02,3.5,0.02,0.99,-2,1e-6,2e-6,1\n").encode()
+    yield f'{header},matches\r\n0,1,"LOST",,,,,,,,,,7\r\n'.encode()
+
+
+def parameter_files() -> Iterator[bytes]:
+    yield (b"/**:\n  ros__parameters:\n    method: klt\n    min_inliers: 12\n    direct: {patches: 300}\n"
+           b"    output_roi: '0, 0, 100, 100'\n    use_camera_info: true\n")
+    yield b"/cam:\n  tracker_node:\n    ros__parameters: {model: affine, min_inlier_share: 0.3, queue_depth: 2}\n"
+    yield b"a: &x [1, 2]\nb: *x\n/**: {ros__parameters: {roi: !!str '[]', exclude: |\n   [[]]\n}}\n"
+
+
+def output_rois() -> Iterator[bytes]:
+    yield from (b"0, 0, 640, 480", b"[-10,-20, 1920,1080]", b"")
+
+
+def metadata_files() -> Iterator[bytes]:
+    yield (b"rosbag2_bagfile_information:\n  version: 9\n  storage_identifier: mcap\n"
+           b"  relative_file_paths: [part.mcap]\n  compression_mode: ''\n  compression_format: ''\n")
+
+
+SEEDS: dict[str, Callable[[], Iterator[bytes]]] = {
+    "image": images, "stamp": images, "compressed": compressed_images, "png_with_crc": png_files, "jpeg": jpeg_files,
+    "camera": camera_infos, "homography": camera_infos, "mcap": mcap_files, "db3": db3_files, "bag": bag_files,
+    "metadata": metadata_files, "points": points_tables, "point_list": point_lists, "polygons": polygons,
+    "polygon_file": polygons, "mask": png_files, "static_map": png_files, "homographies": homography_tables,
+    "parameters": parameter_files, "output_roi": output_rois,
+}
+
+
+def write_seeds(folder: Path) -> None:
+    """As folder/NAME.seeds, every input after its length."""
+    for name, make in SEEDS.items():
+        packed = b"".join(struct.pack("<I", len(seed)) + seed for seed in make())
+        (folder / f"{name}.seeds").write_bytes(packed)
+
+
+def read_seeds(path: Path) -> list[bytes]:
+    data, seeds, at = path.read_bytes(), [], 0
+    while at < len(data):
+        (length,) = struct.unpack_from("<I", data, at)
+        seeds.append(data[at + 4 : at + 4 + length])
+        at += 4 + length
+    return seeds
+
+
+if __name__ == "__main__":
+    write_seeds(Path(sys.argv[1]))

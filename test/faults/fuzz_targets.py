@@ -1,0 +1,121 @@
+"""Every reader of what others send, as a function of bytes: it returns, raises a StabRosError of one line or has a bug.
+
+What is a file to the reader becomes one in the working directory.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from stab_ros.core.window import Window
+from stab_ros.io import messages as m
+from stab_ros.io.bag import open_bag
+from stab_ros.io.engine import read_config
+from stab_ros.io.homographies import read_homographies
+from stab_ros.io.points import read_points, read_tracking_points
+from stab_ros.io.regions import read_area
+from stab_ros.io.static_maps import read_static_map
+
+Read = Callable[[bytes], object]
+
+
+@dataclass(frozen=True)
+class Target:
+    """share: of all inputs, in thousandths. tokens: words of a text format."""
+
+    read: Read
+    share: int
+    tokens: tuple[bytes, ...] = ()
+
+
+def _image(msgtype: str) -> Read:
+    def read(cdr: bytes) -> None:
+        frame = m.read_image(cdr, msgtype)
+        assert frame.image.flags.c_contiguous
+        assert frame.image.flags.aligned
+        assert frame.image.dtype in (np.uint8, np.uint16)
+        assert frame.size == frame.image.shape[1::-1]
+        int(frame.image.sum())  # every byte can be read
+
+    return read
+
+
+def _png_with_crc(data: bytes) -> None:
+    """The checksums are made right, so that damage reaches the decoder."""
+    fixed, at = bytearray(data[:8]), 8
+    while at + 8 <= len(data):
+        (length,) = struct.unpack_from(">I", data, at)
+        body = data[at + 4 : at + 8 + length]
+        fixed += data[at : at + 4] + body + struct.pack(">I", zlib.crc32(body))
+        at += 12 + length
+    _file("input.png", lambda path: read_static_map({"static_map": path}))(bytes(fixed))
+
+
+def _file(name: str, read: Callable[[str], object]) -> Read:
+    def read_file(data: bytes) -> object:
+        Path(name).write_bytes(data)
+        return read(name)
+
+    return read_file
+
+
+def _bag(path: str) -> None:
+    with open_bag(Path(path)) as reader:
+        last_ns = 0
+        for message in reader.messages():
+            assert message.topic in reader.topics
+            assert message.log_time_ns >= last_ns or not path.endswith(".mcap")
+            last_ns = message.log_time_ns
+        assert all(len(line.splitlines()) == 1 for line in reader.warnings), reader.warnings
+
+
+def _folder(data: bytes) -> None:
+    Path("folder").mkdir(exist_ok=True)
+    Path("folder/part.mcap").write_bytes(b"\x89MCAP0\r\n")
+    Path("folder/metadata.yaml").write_bytes(data)
+    _bag("folder")
+
+
+def _text(read: Callable[[str], object]) -> Read:
+    return lambda data: read(data.decode(errors="surrogateescape"))
+
+
+_NUMBERS = (b"0", b"-1", b"nan", b"inf", b"1e999", b"9" * 30, b"1" * 5000, b"0x" + b"f" * 5000, b"1_0", b"", b"\x00",
+            b"\xff", b"\xd9\xa3", b"-0", b".5")
+_CSV = (*_NUMBERS, b",", b"\n", b"\r", b"\r\n\n", b'"', b'""', b"name", b"x", b"frame", b"status", b"LOST", b"," * 99)
+_JSON = (*_NUMBERS, b"[", b"]", b"{", b"}", b"[[", b"]]", b"null", b"true", b'"a"', b"NaN", b"-Infinity", b"[" * 999,
+         b"[" * 9999, b'{"a":' * 2000, b'"\\ud800"', b"[1,2],")
+_YAML = (*_NUMBERS, b"&a ", b"*a", b"<<: *x", b"!!binary", b"!!timestamp x", b"!!bool x", b"!!int ''", b"!!float x",
+         b"!!python/object:os.system ", b"!!set {a}", b"!!omap [a: 1]", b"2001-99-99", b"1:99:99", b"? ", b"- ", b": ",
+         b"|\n ", b"---\n", b"%YAML 9.9\n", b"{", b"[" * 999, b"{a: " * 999, b"~", b"ros__parameters", b"/**",
+         b"\n  ", b"\t", b"'", b'"\\x', b"# ", b"roi", b"min_inliers", b"0b_", b"0o9", b"=", b"\xc2\x85",
+         b"\xe2\x80\xa8", b"[a, {b: c}]", b"qos_overrides.")
+
+TARGETS: dict[str, Target] = {
+    "image": Target(_image(m.IMAGE), 190),
+    "compressed": Target(_image(m.COMPRESSED_IMAGE), 60),
+    "jpeg": Target(_file("input.jpg", lambda path: read_static_map({"static_map": path})), 20),
+    "png_with_crc": Target(_png_with_crc, 40),
+    "mask": Target(_file("mask.png", lambda path: read_area({"exclude": path})), 20),
+    "static_map": Target(_file("map.png", lambda path: read_static_map({"static_map": path})), 20),
+    "camera": Target(m.read_camera, 90),
+    "homography": Target(m.read_homography, 70),
+    "stamp": Target(m.read_stamp, 40),
+    "mcap": Target(_file("input.mcap", _bag), 180),
+    "db3": Target(_file("input.db3", _bag), 30),
+    "bag": Target(_file("input.bag", _bag), 30),
+    "metadata": Target(_folder, 15, (*_YAML, b"compression_mode", b"relative_file_paths", b"storage_identifier")),
+    "points": Target(_file("points.csv", lambda path: read_points(Path(path))), 70, _CSV),
+    "point_list": Target(_text(lambda text: read_tracking_points({"manual_points": text})), 40, _JSON),
+    "polygons": Target(_text(lambda text: read_area({"roi": text})), 30, _JSON),
+    "polygon_file": Target(_file("roi.json", lambda path: read_area({"roi": path})), 30, _JSON),
+    "homographies": Target(_file("H.csv", lambda path: read_homographies(Path(path))), 50, _CSV),
+    "parameters": Target(_file("p.yaml", lambda path: read_config(Path(path))), 50, _YAML),
+    "output_roi": Target(_text(Window.of), 30, (*_NUMBERS, b",", b", ", b"[", b"]", b"-", b"999999", b"16384")),
+}

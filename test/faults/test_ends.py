@@ -1,0 +1,105 @@
+"""Signals, any number of them and at any time: exit code 0, a closed bag, no shared memory left behind."""
+
+from __future__ import annotations
+
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from live_graph import Graph, NodeProcess, image_message
+from mcap.reader import make_reader
+from recordings import entries, write_mcap
+from sensor_msgs.msg import Image
+from std_msgs.msg import String
+
+from stab_ros.core.synthetic import Shot
+
+SHARED_MEMORY = Path("/dev/shm")
+NODES = ("tracker_node", "evaluator_node", "bag_player_node", "bag_recorder_node")
+
+
+Segment = tuple[str, int]  # path and inode: other processes of this machine take up the same names again
+
+
+def opened(pid: int) -> set[Segment]:
+    """Segments and semaphores of Fast DDS that a process has mapped; those of the observer are among them."""
+    words = [line.split() for line in Path(f"/proc/{pid}/maps").read_text().splitlines()]
+    return {(line[-1], int(line[4])) for line in words if line[-1].startswith(f"{SHARED_MEMORY}/fastrtps")}
+
+
+def present() -> set[Segment]:
+    """Of all processes of this machine, and what killed ones have left, which others may take up again."""
+    return {(str(path), _inode(path)) for path in SHARED_MEMORY.glob("fastrtps*")}
+
+
+def _inode(path: Path) -> int:
+    try:
+        return path.stat().st_ino
+    except FileNotFoundError:
+        return 0
+
+
+def started(graph: Graph, name: str, flight: list[Shot], folder: Path) -> NodeProcess:
+    """A node at work."""
+    bag = write_mcap(folder / "in.mcap", list(entries(flight)))
+    arguments: dict[str, dict[str, Any]] = {
+        "bag_player_node": {"bag": str(bag), "loop": True, "rate": 1.0},
+        "bag_recorder_node": {"output": str(folder / "out.mcap")},
+    }
+    node = graph.start(name, "/cam", **arguments.get(name, {}))
+    graph.until(lambda: graph.node.count_publishers("/diagnostics") >= 1, f"{name} at work")
+    graph.until(lambda: opened(node.process.pid), "its shared memory")
+    return node
+
+
+@pytest.mark.parametrize("name", NODES)
+@pytest.mark.parametrize("numbers", [[signal.SIGINT] * 7, [signal.SIGTERM]], ids=["SIGINT x7", "SIGTERM"])
+def test_signals_leave_nothing_behind(
+    graph: Graph, flight: list[Shot], tmp_path: Path, name: str, numbers: list[int]
+) -> None:
+    before = present()
+    node = started(graph, name, flight, tmp_path)
+    if name in ("tracker_node", "evaluator_node"):
+        topic = "image_raw" if name == "tracker_node" else "image_stabilized"
+        graph.speak(Image, f"/cam/{topic}").publish(image_message(flight[0].image, 1))
+    elif name == "bag_recorder_node":
+        graph.node.create_publisher(String, "/said", 1)
+        graph.until(lambda: graph.node.count_subscribers("/said"), "the recording")
+    time.sleep(0.3)
+    used = opened(node.process.pid) - before
+    for number in numbers:
+        node.process.send_signal(number)
+        time.sleep(0.02)
+    assert node.wait() == 0, node.log
+    assert "Traceback" not in node.log
+    graph.close_observer()
+    assert not used & present()
+    if name == "bag_recorder_node":
+        with (tmp_path / "out.mcap").open("rb") as file:
+            assert make_reader(file, validate_crcs=True).get_summary() is not None
+        assert not (tmp_path / "out.mcap.partial").exists()
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_sigint_at_every_moment_of_the_start(graph: Graph, flight: list[Shot], tmp_path: Path, name: str) -> None:
+    bag = write_mcap(tmp_path / "in.mcap", list(entries(flight)))
+    used: set[Segment] = set()
+    for step in range(6):
+        arguments: dict[str, dict[str, Any]] = {
+            "bag_player_node": {"bag": str(bag), "loop": True},
+            "bag_recorder_node": {"output": str(tmp_path / f"out{step}.mcap")},
+        }
+        before = present()
+        node = graph.start(name, **arguments.get(name, {}))
+        maps = Path(f"/proc/{node.process.pid}/maps")  # before numpy it is Python itself that starts
+        graph.until(lambda: "/numpy/" in maps.read_text(), "our own code")  # noqa: B023
+        time.sleep(0.35 * step)
+        used |= opened(node.process.pid) - before
+        assert node.stop() == 0, node.log
+        assert "Traceback" not in node.log
+    graph.close_observer()
+    assert used
+    assert not used & present()
+    assert not list(tmp_path.glob("*.partial"))
