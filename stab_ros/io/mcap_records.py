@@ -25,7 +25,7 @@ NO_OPCODE = 0
 RECORD_LIMIT = 100 * 2**20  # bytes of one record or chunk, unpacked: an 8K frame in bgr8 has 99.5 million
 _PIECE = 2**14  # bytes that are decompressed at a time, 255 times as many come out
 _MOST_MESSAGES = 2**20  # in a block: a thousand times what a second holds
-_WINDOW_LIMIT = 2**25  # bytes that zstd may look back; its level 19 asks for 2**23
+WINDOW_LIMIT = 2**25  # bytes that zstd may look back; its level 19 asks for 2**23
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _CHUNK_HEAD = struct.Struct("<QQQII")  # first and last log time, unpacked size, CRC, length of the compression's name
 PLAIN_START = RECORD_HEAD.size + _CHUNK_HEAD.size + 8  # of the records in a chunk that is not compressed
@@ -182,7 +182,7 @@ def _decompressed(packed: memoryview, compression: str, size: int) -> memoryview
         case "zstd" if zstandard.frame_content_size(packed) == size:  # at once, which needs no window
             return memoryview(zstandard.ZstdDecompressor().decompress(packed))
         case "zstd":
-            unpacker = zstandard.ZstdDecompressor(max_window_size=_WINDOW_LIMIT)
+            unpacker = zstandard.ZstdDecompressor(max_window_size=WINDOW_LIMIT)
             with unpacker.stream_reader(packed, read_across_frames=True) as stream:
                 return memoryview(stream.read(size + 1))
     raise DamagedError(f"has the unknown compression {compression!r}")

@@ -24,16 +24,17 @@ from rosbags.rosbag2.storage_mcap import DECOMPRESSORS, McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from ruamel.yaml import YAML
 
+from stab_ros.io.mcap_records import RECORD_LIMIT, WINDOW_LIMIT
+
 if sys.version_info >= (3, 14):
     from compression import zstd
 else:
     from backports import zstd
 
-UNPACKED_LIMIT = 100 * 2**20  # bytes of one message or chunk: ten gray 4K frames
+UNPACKED_LIMIT = RECORD_LIMIT  # bytes of one message or chunk
 FILE_FACTOR = 100  # a compressed file may unpack to UNPACKED_LIMIT, or to so many times its own size
 _STEP = 2**20  # bytes that are unpacked at a time
-# how far zstd may look back: 2**25 bytes; its level 19 asks for 2**23
-_WINDOW: dict[int, int] = {zstd.DecompressionParameter.window_log_max: 25}
+_WINDOW: dict[int, int] = {zstd.DecompressionParameter.window_log_max: WINDOW_LIMIT.bit_length() - 1}
 
 
 class TooLargeError(ValueError):

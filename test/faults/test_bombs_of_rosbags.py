@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import bz2
 import json
-import shutil
 import sqlite3
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import lz4.frame
 import pytest
+from ailing import needs_root, small_disk
 from bag_makers import JAZZY, START_NS, STRING, read, text_cdr
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
@@ -50,12 +51,6 @@ except InputError as error:
 peak = 1024 * int(re.search(r"VmHWM:\\s+(\\d+) kB", Path("/proc/self/status").read_text())[1])
 print(json.dumps([texts, said, peak]))
 """
-
-
-class Disk(NamedTuple):
-    """As `shutil.disk_usage` tells it."""
-
-    free: int
 
 
 class Outcome(NamedTuple):
@@ -214,13 +209,16 @@ def test_database_that_computes_its_messages(tmp_path: Path) -> None:
     assert "too big" in found.said[0]
 
 
+@needs_root
 def test_full_disk_leaves_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Unpacked files may take half of what is free, in sum."""
     path = folder_of(tmp_path / "bag", StoragePlugin.SQLITE3, CompressionMode.FILE)
     assert len(read(path).messages) == 4
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: Disk(free=10_000))
-    with pytest.raises(InputError, match="unpacks to more than 5000 bytes"):
-        read(path)
+    with small_disk(tmp_path / "temporary", 20) as temporary:
+        monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+        with pytest.raises(InputError, match=r"unpacks to more than \d+ bytes"):
+            read(path)
+        assert not list(temporary.iterdir())
 
 
 def test_index_that_is_told_over_and_over(tmp_path: Path) -> None:
