@@ -66,6 +66,7 @@ def _parser() -> Parser:
     _add_record(commands)
     _add_recover(commands)
     _add_info(commands)
+    _add_warm_up(commands)
     return parser
 
 
@@ -97,6 +98,7 @@ def _add_stabilize(commands: Any) -> None:
 
 def _stabilize(options: argparse.Namespace) -> int:
     from stab_ros.core.parameters import checked_values
+    from stab_ros.io.compiling import shown
     from stab_ros.io.engine import read_config
     from stab_ros.io.offline import Job, stabilize
 
@@ -104,8 +106,8 @@ def _stabilize(options: argparse.Namespace) -> int:
     values |= checked_values(dict(options.parameters))
     job = Job(options.input, options.output, values, options.image_topic, options.homographies, options.video,
               not options.no_image, options.keep_raw, options.limit, options.fps, options.force)
-    with _quiet_libraries(), _progress("frames") as progress:
-        summary = stabilize(job, progress)
+    with _quiet_libraries(), _progress("frames") as progress, shown() as compiling:
+        summary = stabilize(job, progress, compiling)
     _warn(summary.warnings)
     print(f"{summary.frames} frames: {summary.tracked} tracked, {summary.lost} lost, "
           f"{summary.frames / summary.duration_s:.1f} frames/s")
@@ -138,6 +140,7 @@ def _add_evaluate(commands: Any) -> None:
 
 def _evaluate(options: argparse.Namespace) -> int:
     from stab_ros.core.parameters import EVALUATOR_PARAMETERS, checked_values
+    from stab_ros.io.compiling import shown
     from stab_ros.io.engine import EVALUATOR, read_config
     from stab_ros.io.evaluation import EvaluationJob, evaluate
     from stab_ros.io.evaluation_outputs import writers_of
@@ -150,8 +153,8 @@ def _evaluate(options: argparse.Namespace) -> int:
     job = EvaluationJob(options.bag, values, tuple(options.image_topics), options.limit, options.fps)
     outputs = ResultOutputs(options.json, options.csv, options.report)
     outputs.check(job.source, options.force)
-    with _quiet_libraries(), _progress("frames") as progress:
-        evaluation = evaluate(job, progress)
+    with _quiet_libraries(), _progress("frames") as progress, shown() as compiling:
+        evaluation = evaluate(job, progress, compiling)
     _warn(evaluation.warnings)
     print(as_text(evaluation))
     with _quiet_libraries(), _progress("frames") as progress:
@@ -209,9 +212,10 @@ def _compare_methods(job: ComparisonJob, outputs: ResultOutputs) -> int:
     from stab_ros.io.comparison import compare
     from stab_ros.io.comparison_outputs import writers_of
     from stab_ros.io.comparison_text import as_text
+    from stab_ros.io.compiling import shown
 
-    with _quiet_libraries(), _progress("frames") as progress:
-        comparison = compare(job, progress)
+    with _quiet_libraries(), _progress("frames") as progress, shown() as compiling:
+        comparison = compare(job, progress, compiling)
     _warn(comparison.warnings)
     print(as_text(comparison))
     with _quiet_libraries(), _progress("frames") as progress:
@@ -222,10 +226,11 @@ def _compare_methods(job: ComparisonJob, outputs: ResultOutputs) -> int:
 
 def _study(kind: str, job: ComparisonJob, outputs: ResultOutputs) -> int:
     from stab_ros.io.comparison_study import check_outputs, run_study, study_text, write_study
+    from stab_ros.io.compiling import shown
 
     check_outputs(job, outputs)
-    with _quiet_libraries(), _progress("frames") as progress:
-        study = run_study(kind, job, progress)
+    with _quiet_libraries(), _progress("frames") as progress, shown() as compiling:
+        study = run_study(kind, job, progress, compiling)
     _warn(study.warnings)
     print(study_text(study))
     if outputs.json is not None:
@@ -324,6 +329,18 @@ def _info(options: argparse.Namespace) -> int:
         lines, warnings = describe(options.bag)
     _warn(warnings)
     print("\n".join(lines))
+    return DONE
+
+
+def _add_warm_up(commands: Any) -> None:
+    parser = _command(commands, "warm-up", "compile what nodes and commands need, so that their first start is quick")
+    parser.set_defaults(run=_warm_up)
+
+
+def _warm_up(_options: argparse.Namespace) -> int:
+    from stab_ros.io.compiling import warm_up
+
+    print(warm_up())
     return DONE
 
 

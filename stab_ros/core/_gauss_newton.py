@@ -12,14 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from stab_ros.core.kernels import kernel
+from stab_ros.core.kernels import BOOL, F64, I64, filled, kernel, read
 from stab_ros.core.types import BoolArray, FloatArray, Homography
 
 _RIGID = 3  # motions of the rigid model
 _SINGULAR = 1e-10  # of the pivots of a matrix with a unit diagonal
 
+_ROW, _TABLE, _STACK, _CHOSEN = read(F64, 1), read(F64, 2), read(F64, 3), read(BOOL, 1)
+_FEATURES = (_TABLE, _TABLE, _STACK)  # reference, current, shape or information
+_SCENE = (_ROW, F64)  # centre, radius
 
-@kernel()
+
+@kernel((_TABLE, *_FEATURES))
 def squared_residuals(H: Homography, reference: FloatArray, current: FloatArray, shape: FloatArray) -> FloatArray:
     """e^T shape e of every feature, px^2; infinite where H puts it behind the camera."""
     out = np.empty(len(current))
@@ -35,13 +39,13 @@ def squared_residuals(H: Homography, reference: FloatArray, current: FloatArray,
     return out
 
 
-@kernel()
+@kernel((_ROW, F64, F64))
 def look_up(table: FloatArray, relative: float, beyond: float) -> float:
     """The table's value at `relative` in [0, 1); `beyond` from there on."""
     return table[int(relative * (len(table) - 1))] if relative < 1 else beyond
 
 
-@kernel()
+@kernel((_ROW, _ROW, F64))
 def weigh(relative: FloatArray, table: FloatArray, beyond: float) -> FloatArray:
     """(N,) the table's value at each."""
     out = np.empty(len(relative))
@@ -50,7 +54,7 @@ def weigh(relative: FloatArray, table: FloatArray, beyond: float) -> FloatArray:
     return out
 
 
-@kernel()
+@kernel((_STACK, *_FEATURES, _ROW, _ROW, _ROW, F64, I64))
 def least_loss(candidates: FloatArray, reference: FloatArray, current: FloatArray, shape: FloatArray, trust: FloatArray,
                noise: FloatArray, loss: FloatArray, threshold_px: float, octaves: int) -> tuple[int, float]:
     """Which of the (M, 3, 3) candidates has the least trust-weighted loss, and that loss.
@@ -72,7 +76,7 @@ def least_loss(candidates: FloatArray, reference: FloatArray, current: FloatArra
     return best, least / octaves
 
 
-@kernel()
+@kernel((_TABLE, *_FEATURES, _CHOSEN))
 def typical_residual(H: Homography, reference: FloatArray, current: FloatArray, shape: FloatArray,
                      chosen: BoolArray) -> float:
     """Median residual of the chosen features, px; infinite where there are none."""
@@ -80,7 +84,7 @@ def typical_residual(H: Homography, reference: FloatArray, current: FloatArray, 
     return np.sqrt(np.median(squared)) if len(squared) else np.inf
 
 
-@kernel()
+@kernel((_TABLE, *_FEATURES, _CHOSEN))
 def variances_along(H: Homography, reference: FloatArray, current: FloatArray, information: FloatArray,
                     chosen: BoolArray) -> tuple[float, float]:
     """Robust variance of the residuals of the chosen features, and the one they claim, px^2.
@@ -102,7 +106,7 @@ def variances_along(H: Homography, reference: FloatArray, current: FloatArray, i
     return (1.4826 * np.median(along[certain])) ** 2, np.median(claimed[certain])
 
 
-@kernel()
+@kernel((_TABLE, *_FEATURES, _ROW, *_SCENE, I64, filled(F64, 2)))
 def accumulate(H: Homography, reference: FloatArray, current: FloatArray, information: FloatArray, weight: FloatArray,
                centre: FloatArray, radius: float, k: int,
                scores: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -144,7 +148,7 @@ def accumulate(H: Homography, reference: FloatArray, current: FloatArray, inform
     return normal, right, claimed
 
 
-@kernel()
+@kernel((_TABLE, _ROW))
 def solve(normal: FloatArray, right: FloatArray) -> tuple[bool, FloatArray]:
     """Cholesky on the matrix scaled to a unit diagonal; False where it is singular."""
     k = len(right)
@@ -176,14 +180,25 @@ def solve(normal: FloatArray, right: FloatArray) -> tuple[bool, FloatArray]:
     return True, x * scale
 
 
-@kernel()
+@kernel((_TABLE, _TABLE))
+def product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Of two 3x3 matrices; numba's own would need scipy."""
+    out = np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
+    return out
+
+
+@kernel((_ROW, _TABLE, *_SCENE))
 def compose(delta: FloatArray, H: Homography, centre: FloatArray, radius: float) -> Any:
     """H followed by the small motion `delta` (k,), px; normalised to h22 = 1.
 
     The rotation of a rigid motion (k = 3) is exact: to first order it would stretch, and leave the group.
     """
     d = np.zeros(8)
-    d[: len(delta)] = delta / radius
+    for a in range(len(delta)):
+        d[a] = delta[a] / radius
     step = np.array([[1 + d[3] + d[4], d[5] - d[2], d[0]], [d[2] + d[5], 1 + d[3] - d[4], d[1]], [-d[6], -d[7], 1.0]])
     if len(delta) == _RIGID:
         step[0, 0] = step[1, 1] = np.cos(d[2])
@@ -194,17 +209,7 @@ def compose(delta: FloatArray, H: Homography, centre: FloatArray, radius: float)
     return moved / moved[2, 2]
 
 
-@kernel()
-def product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Of two 3x3 matrices; numba's own would need scipy."""
-    out = np.zeros((3, 3))
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
-    return out
-
-
-@kernel()
+@kernel((_TABLE, *_FEATURES, _STACK, _ROW, _ROW, _ROW, F64, F64, *_SCENE, I64, I64, F64))
 def polish(H: Homography, reference: FloatArray, current: FloatArray, information: FloatArray, shape: FloatArray,
            trust: FloatArray, noise: FloatArray, table: FloatArray, beyond: float, threshold_px: float,
            centre: FloatArray, radius: float, k: int, steps: int, converged_px: float) -> tuple[bool, Homography]:

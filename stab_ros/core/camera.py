@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import cast
 
 import cv2
 import numpy as np
@@ -85,7 +84,7 @@ class Camera:
         """Where in the picture as taken each pixel of the result lies; OpenCV's are quicker, but know no limit."""
         ray_M_pixel = np.linalg.inv(ref_H_cur @ self.K)
         if self.fisheye or not self._lens.holds(ray_M_pixel, size):
-            return cast(Maps, lens_maps(self._lens, ray_M_pixel, size))
+            return lens_maps(self._lens, ray_M_pixel, size)
         rotation = np.linalg.inv(self.K) @ ref_H_cur @ self.K
         x, y = cv2.initUndistortRectifyMap(self.K, self.D, rotation, self.K, size, cv2.CV_32FC1)
         return np.asarray(x), np.asarray(y)

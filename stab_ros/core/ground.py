@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from stab_ros.core.kernels import kernel
+from stab_ros.core.kernels import lazy_kernel
 from stab_ros.core.river import Preset, Share
 from stab_ros.core.textures import Texture, natural_texture, sample_texture, smooth_step
 from stab_ros.core.types import FloatArray, Gray
@@ -108,7 +108,7 @@ def make_ground(preset: Preset, extent: Extent, seed: int, still: Gray | None = 
     return Ground(extent, _blurred(land), water, flow, tint)
 
 
-@kernel()
+@lazy_kernel()
 def depth_m(layout: Layout, shore: Texture, x: float, y: float) -> float:
     """Distance to the nearest shore, positive in the water."""
     depth = layout.half_width_m - abs(y - centre_line(layout, x))
@@ -119,13 +119,13 @@ def depth_m(layout: Layout, shore: Texture, x: float, y: float) -> float:
     return float(depth + 0.016 * layout.unit_m * sample_texture(shore, x * scale, y * scale))
 
 
-@kernel()
+@lazy_kernel()
 def centre_line(layout: Layout, x: float) -> float:
     """The y of mid-stream at x, m."""
     return layout.centre_m + layout.bend_m * math.sin(layout.bend_per_m * x + 0.6)
 
 
-@kernel()
+@lazy_kernel()
 def _grass_share(layout: Layout, shore: Texture, depth: float, x: float, y: float) -> float:
     """0 on the gravel near the water, 1 on the meadow behind."""
     scale = 500.0 / layout.unit_m
@@ -133,7 +133,7 @@ def _grass_share(layout: Layout, shore: Texture, depth: float, x: float, y: floa
     return float(smooth_step(-0.04, 0.04, -depth / layout.unit_m - 0.11 + 0.05 * patch))
 
 
-@kernel()
+@lazy_kernel()
 def _fill_water(layout: Layout, place: Place, shore: Texture, water: Gray, flow: Floats) -> None:
     x0, y0, texel = place
     dry, deep = -0.002 * layout.unit_m, 0.022 * layout.unit_m  # between them the bed shows through
@@ -155,7 +155,7 @@ def _fill_water(layout: Layout, place: Place, shore: Texture, water: Gray, flow:
             flow[i, j, 1] = speed * slope / math.hypot(1.0, slope)
 
 
-@kernel()
+@lazy_kernel()
 def _fill_land(layout: Layout, place: Place, shore: Texture, rough: Texture, grass: Texture,
                land: Floats, tint: Floats) -> None:
     x0, y0, texel = place
@@ -175,7 +175,7 @@ def _fill_land(layout: Layout, place: Place, shore: Texture, rough: Texture, gra
                     tint[i // COARSE, j // COARSE, c] = (1 - green) * _GRAVEL_TINT[c] + green * _GRASS_TINT[c]
 
 
-@kernel()
+@lazy_kernel()
 def _fill_still(still: Gray, place: Place, height_m: float, land: Floats) -> None:
     """Spreads a picture over the nominal picture's height, mirrored at its edges."""
     x0, y0, texel = place
@@ -211,7 +211,7 @@ def _scatter(preset: Preset, extent: Extent, seed: int, density: int, sizes: tup
     return np.asarray(found[np.argsort(size, kind="stable")])
 
 
-@kernel()
+@lazy_kernel()
 def _drop_stones(layout: Layout, place: Place, shore: Texture, rough: Texture, stones: FloatArray,
                  land: Floats) -> None:
     """Stones lie on the gravel and in the shallows."""
@@ -224,7 +224,7 @@ def _drop_stones(layout: Layout, place: Place, shore: Texture, rough: Texture, s
             _draw_dome(place, x, y, a, b, angle, min(max(150 + 24 * tone, 70.0), 215.0), 8.0, rough, land)
 
 
-@kernel()
+@lazy_kernel()
 def _plant_bushes(layout: Layout, place: Place, shore: Texture, leaves: Texture, bushes: FloatArray,
                   land: Floats) -> None:
     """Bushes stand in groups in the meadow."""
@@ -238,7 +238,7 @@ def _plant_bushes(layout: Layout, place: Place, shore: Texture, leaves: Texture,
             _draw_dome(place, x, y, a, b, angle, 88 + 9 * tone, 15.0, leaves, land)
 
 
-@kernel()
+@lazy_kernel()
 def _draw_dome(place: Place, x: float, y: float, a: float, b: float, angle: float, tone: float, grain: float,
                texture: Texture, land: Floats) -> None:
     """A dome of half axes a, b, lit by the sun, with an uneven outline and surface; no grain: flat, a shadow."""
@@ -257,7 +257,7 @@ def _draw_dome(place: Place, x: float, y: float, a: float, b: float, angle: floa
                 land[i, j] += cover * (level - land[i, j])
 
 
-@kernel()
+@lazy_kernel()
 def _wet_shore(layout: Layout, place: Place, shore: Texture, land: Floats, tint: Floats) -> None:
     """Wet ground is darker; the bed under water takes the water's tint."""
     x0, y0, texel = place
@@ -271,7 +271,7 @@ def _wet_shore(layout: Layout, place: Place, shore: Texture, land: Floats, tint:
                     tint[i // COARSE, j // COARSE, c] += under * (_WATER_TINT[c] - tint[i // COARSE, j // COARSE, c])
 
 
-@kernel()
+@lazy_kernel()
 def _lay_control_point(place: Place, at: tuple[float, float], size: float, land: Floats) -> None:
     """A square of `size` with four quadrants, black and white in turn; edges one texel soft."""
     x0, y0, texel = place
@@ -292,7 +292,7 @@ def _blurred(land: Floats) -> Gray:
     return np.asarray(_blur(land, (kernel / kernel.sum()).astype(np.float32)))
 
 
-@kernel()
+@lazy_kernel()
 def _blur(land: Floats, kernel: Floats) -> Gray:
     """Rows in place, then columns into the result."""
     rows, columns = land.shape

@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from stab_ros.core.kernels import kernel
+from stab_ros.core.kernels import F32, F64, filled, kernel, read
 from stab_ros.core.types import FloatArray, Homography
 
 Maps: TypeAlias = tuple[FloatArray, FloatArray]
@@ -99,19 +99,24 @@ def _tilt(x_rad: float, y_rad: float) -> FloatArray:
                       @ turned)
 
 
-@kernel(fastmath=True)
 def lens_maps(lens: Lens, ray_M_pixel: Homography, size: tuple[int, int]) -> Maps:
     """Where in the picture as taken each pixel of a result lies, x and y, (h, w) float32; far outside for nowhere.
 
     ray_M_pixel: (3, 3), from pixels of the result to rays of the camera. size: width, height of the result, px.
     """
-    scale, reach2, beside, M = lens
-    p1, p2, s1, s2, s3, s4 = beside
     x_px, y_px = np.empty((size[1], size[0]), np.float32), np.empty((size[1], size[0]), np.float32)
+    _fill_maps(lens.scale, lens.reach2, lens.beside, lens.pixel_M_seen, ray_M_pixel, x_px, y_px)
+    return x_px, y_px
+
+
+@kernel((read(F64, 1), F64, read(F64, 1), read(F64, 2), read(F64, 2), filled(F32, 2), filled(F32, 2)), fastmath=True)
+def _fill_maps(scale: FloatArray, reach2: float, beside: FloatArray, M: FloatArray, A: Homography, x_px: FloatArray,
+               y_px: FloatArray) -> None:
+    """scale, reach2, beside and M: of the lens. A: from pixels of the result to rays."""
+    p1, p2, s1, s2, s3, s4 = beside
     entries = (len(scale) - 1) / reach2
-    A = ray_M_pixel
-    for row in range(size[1]):
-        for column in range(size[0]):
+    for row in range(len(x_px)):
+        for column in range(x_px.shape[1]):
             depth = A[2, 0] * column + A[2, 1] * row + A[2, 2]
             k = 1 / max(depth, 1e-9)
             u = (A[0, 0] * column + A[0, 1] * row + A[0, 2]) * k
@@ -127,4 +132,3 @@ def lens_maps(lens: Lens, ray_M_pixel: Homography, size: tuple[int, int]) -> Map
             w = 1 / (M[2, 0] * x + M[2, 1] * y + M[2, 2])
             x_px[row, column] = (M[0, 0] * x + M[0, 1] * y + M[0, 2]) * w if seen else _BEYOND
             y_px[row, column] = (M[1, 0] * x + M[1, 1] * y + M[1, 2]) * w if seen else _BEYOND
-    return x_px, y_px

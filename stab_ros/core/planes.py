@@ -15,7 +15,7 @@ import numpy as np
 from stab_ros.core import estimators
 from stab_ros.core._problem import own_noise, strongest
 from stab_ros.core.geometry import apply
-from stab_ros.core.kernels import kernel
+from stab_ros.core.kernels import F64, I64, kernel, read
 from stab_ros.core.survey import Trajectories
 from stab_ros.core.types import BoolArray, FloatArray, Homography, IdArray
 
@@ -31,6 +31,7 @@ _LEAST_FEATURES = 12
 _PRESENT = 0.75  # of the frames: with fewer a feature has not kept its template
 _AGREES = 0.9  # of the frames it is seen in
 _WIDENING = 3
+_MOTIONS = (read(F64, 2), read(F64, 3), read(F64, 2))  # start, moved, noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,22 +92,7 @@ def noises(information: FloatArray) -> FloatArray:
     return own_noise(np.maximum(strongest(information), 1e-9))
 
 
-@kernel()
-def _best_sample(samples: IdArray, start: FloatArray, moved: FloatArray, noise: FloatArray, threshold_px: float,
-                 octaves: int) -> int:
-    """Which of the samples (M, 2) has the most features along, counted once for each threshold."""
-    best, most = 0, -1
-    for m in range(len(samples)):
-        excess = _excess(samples[m, 0], samples[m, 1], start, moved, noise)
-        count = 0
-        for octave in range(octaves):
-            count += np.sum(excess < (threshold_px * 0.5**octave) ** 2)
-        if count > most:
-            best, most = m, count
-    return best
-
-
-@kernel()
+@kernel((I64, I64, *_MOTIONS))
 def _excess(i: int, j: int, start: FloatArray, moved: FloatArray, noise: FloatArray) -> FloatArray:
     """(N,) px^2: the most that any frame shows beyond noise of each feature off the similarity through i and j."""
     n = len(start)
@@ -124,6 +110,21 @@ def _excess(i: int, j: int, start: FloatArray, moved: FloatArray, noise: FloatAr
             off_y = moved[f, k, 1] - moved[f, i, 1] - (b * x + a * y)
             excess[k] = max(excess[k], off_x * off_x + off_y * off_y - noise[f, k])
     return excess
+
+
+@kernel((read(I64, 2), *_MOTIONS, F64, I64))
+def _best_sample(samples: IdArray, start: FloatArray, moved: FloatArray, noise: FloatArray, threshold_px: float,
+                 octaves: int) -> int:
+    """Which of the samples (M, 2) has the most features along, counted once for each threshold."""
+    best, most = 0, -1
+    for m in range(len(samples)):
+        excess = _excess(samples[m, 0], samples[m, 1], start, moved, noise)
+        count = 0
+        for octave in range(octaves):
+            count += np.sum(excess < (threshold_px * 0.5**octave) ** 2)
+        if count > most:
+            best, most = m, count
+    return best
 
 
 def _widened(seen_from: Trajectories, member: BoolArray, quarters: IdArray, left: BoolArray) -> Plane | None:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stab_ros.core.ground import COARSE
-from stab_ros.core.kernels import kernel
+from stab_ros.core.kernels import lazy_kernel
 from stab_ros.core.textures import Texture, sample_texture
 from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, Image
 
@@ -23,14 +23,14 @@ _FINE_WAVES, _BROAD_WAVES = 0.5, 0.17  # texels of the texture per texel of grou
 _COLORLESS = np.float32(225)  # what is as bright as this is white: control points, glitter
 
 
-@kernel(inline="always")
+@lazy_kernel(inline="always")
 def _weights(t: np.float32) -> tuple[np.float32, np.float32, np.float32]:
     """Weights of the three neighbours at t in [-1/2, 1/2] from the middle one: the quadratic B-spline."""
     half = np.float32(0.5)
     return half * (half - t) * (half - t), np.float32(0.75) - t * t, half * (half + t) * (half + t)
 
 
-@kernel(inline="always")
+@lazy_kernel(inline="always")
 def _sample_spline(picture: Gray, x: float, y: float) -> np.float32:
     """uint8 `picture` as the smooth surface whose spline coefficients it holds."""
     column = min(max(int(x + 0.5), 1), picture.shape[1] - 2)
@@ -44,7 +44,7 @@ def _sample_spline(picture: Gray, x: float, y: float) -> np.float32:
     return total
 
 
-@kernel(inline="always")
+@lazy_kernel(inline="always")
 def _sample_linear(picture: Image, x: float, y: float) -> np.float32:
     left = min(max(int(np.floor(x)), 0), picture.shape[1] - 2)
     top = min(max(int(np.floor(y)), 0), picture.shape[0] - 2)
@@ -56,13 +56,13 @@ def _sample_linear(picture: Image, x: float, y: float) -> np.float32:
     return upper + fy * (c + fx * (d - c) - upper)
 
 
-@kernel(inline="always")
+@lazy_kernel(inline="always")
 def _texel(H: Homography, u: float, v: float) -> tuple[float, float]:
     k = 1 / (H[2, 0] * u + H[2, 1] * v + H[2, 2])
     return (H[0, 0] * u + H[0, 1] * v + H[0, 2]) * k, (H[1, 0] * u + H[1, 1] * v + H[1, 2]) * k
 
 
-@kernel()
+@lazy_kernel()
 def render_gray(size: tuple[int, int], texel_H_image: Homography, brightness: Gray, water: Gray,
                 surface: Surface) -> Picture:
     """(h, w) float32 grey levels of ground and water, without noise.
@@ -83,7 +83,7 @@ def render_gray(size: tuple[int, int], texel_H_image: Homography, brightness: Gr
     return picture
 
 
-@kernel(inline="always")
+@lazy_kernel(inline="always")
 def _land_level(texel_H_image: Homography, brightness: Gray, u: int, v: int) -> np.float32:
     total = np.float32(0)
     for dv in (-0.25, 0.25):
@@ -108,7 +108,7 @@ class Surface(NamedTuple):
     contrast: float
 
 
-@kernel(inline="always")
+@lazy_kernel(inline="always")
 def _water_level(surface: Surface, u: int, v: int, tx: float, ty: float) -> np.float32:
     """Ripples carried by the flow, two generations that fade into each other, and glitter where the sun stands."""
     flow, waves, lives, glint, contrast = surface
@@ -128,7 +128,7 @@ def _water_level(surface: Surface, u: int, v: int, tx: float, ty: float) -> np.f
     return np.float32(78) + np.float32(9 * contrast) * ripple + shine * (np.float32(14) + np.float32(60) * glitter)
 
 
-@kernel()
+@lazy_kernel()
 def water_mask(size: tuple[int, int], texel_H_image: Homography, water: Gray) -> BoolArray:
     """(h, w) bool: where a pixel shows any water."""
     mask = np.zeros((size[1], size[0]), np.bool_)
@@ -139,7 +139,7 @@ def water_mask(size: tuple[int, int], texel_H_image: Homography, water: Gray) ->
     return mask
 
 
-@kernel()
+@lazy_kernel()
 def add_tracers(picture: Picture, tracers: FloatArray) -> None:
     """Adds floating particles, (n, 4): x, y, sigma in px, height in grey levels; a Gaussian each."""
     for k in range(len(tracers)):
@@ -151,7 +151,7 @@ def add_tracers(picture: Picture, tracers: FloatArray) -> None:
                 picture[v, u] += np.float32(level * near)
 
 
-@kernel()
+@lazy_kernel()
 def colored(picture: Picture, texel_H_image: Homography, tint: NDArray[np.float32]) -> Picture:
     """(h, w, 3) float32 bgr from grey levels and the ground's tint."""
     rows, columns = picture.shape
@@ -167,7 +167,7 @@ def colored(picture: Picture, texel_H_image: Homography, tint: NDArray[np.float3
     return result
 
 
-@kernel()
+@lazy_kernel()
 def quantised(picture: Picture, noise: Picture, gain: np.float32, offset: np.float32) -> Image:
     """uint8 of gain * picture + offset + noise, rounded; all arrays flat float32."""
     result = np.empty(len(picture), np.uint8)

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 
-from stab_ros.core.kernels import kernel
+from stab_ros.core.kernels import F32, F64, I64, U8, U16, filled, inlined, kernel, read
 from stab_ros.core.threads import in_parallel
 from stab_ros.core.types import FloatArray, Homography, Image
 
@@ -43,47 +42,47 @@ def resample(image: Image, ref_H_cur: Homography, out: Image) -> None:
     channels = 1 if image.ndim == 2 else image.shape[2]
     pixels, made = image.reshape(len(image), -1), out.reshape(len(out), -1)
     place_of = np.repeat(np.arange(_LONG, dtype=np.float32), channels)
-    cur_M_ref, pattern = np.linalg.inv(ref_H_cur), (0,) * channels
+    cur_M_ref = np.linalg.inv(ref_H_cur)
 
     def rows(first: int, last: int) -> None:
-        _resample(pixels, cur_M_ref, made, place_of, pattern, first, last)
+        _resample(pixels, cur_M_ref, made, place_of, channels, first, last)
 
     in_parallel(rows, len(out), _LEAST_ROWS)
 
 
 # All that is called below is inlined: what has a fixed length then, the compiler unrolls and turns into SIMD.
-@kernel(fastmath=True)
-def _resample(image: Image, M: Homography, out: Image, place_of: FloatArray, pattern: tuple[int, ...], first: int,
+@kernel(*((read(value, 2), read(F64, 2), filled(value, 2), read(F32, 1), I64, I64, I64) for value in (U8, U16)),
+        fastmath=True)
+def _resample(image: Image, M: Homography, out: Image, place_of: FloatArray, channels: int, first: int,
               last: int) -> None:
     """Rows `first` to `last` of the result; pictures are (h, w * channels).
 
-    place_of: which pixel of a block each of its values belongs to. pattern: as long as a pixel, so that each number
-    of channels is compiled for itself.
+    place_of: which pixel of a block each of its values belongs to.
     """
-    channels, shape = len(pattern), image.shape
+    shape = image.shape
     wide, pixels, made = out.shape[1] // channels, image.ravel(), out.ravel()
     for y in range(first, last):
         for block in range(0, wide, _LONG):
             start = min(block, wide - _LONG)  # the last one overlaps the one before
             if start < 0:
-                _one_by_one(image, M, out, pattern, 0, wide, y)
+                _one_by_one(image, M, out, channels, 0, wide, y)
                 continue
             x0, y0, depth = _place(M, start, y)
             x1, y1, deeper = _place(M, start + _LONG, y)
             to, bent = (y * wide + start) * channels, deeper / depth - 1
-            if (_steady(pixels, shape, made, to, place_of, pattern, _LONG, x0, y0, x1, y1, bent)
-                    or _crossing(pixels, shape, made, to, place_of, pattern, _LONG, x0, y0, x1, y1, bent)):
+            if (_steady(pixels, shape, made, to, place_of, channels, _LONG, x0, y0, x1, y1, bent)
+                    or _crossing(pixels, shape, made, to, place_of, channels, _LONG, x0, y0, x1, y1, bent)):
                 continue
             for part in range(0, _LONG, _SHORT):
                 end = part + _SHORT
                 a, b = _along(part / _LONG, bent), _along(end / _LONG, bent)
-                if not _crossing(pixels, shape, made, to + part * channels, place_of, pattern, _SHORT,
+                if not _crossing(pixels, shape, made, to + part * channels, place_of, channels, _SHORT,
                                  x0 + a * (x1 - x0), y0 + a * (y1 - y0), x0 + b * (x1 - x0), y0 + b * (y1 - y0),
                                  bent * _SHORT / _LONG):
-                    _one_by_one(image, M, out, pattern, start + part, start + end, y)
+                    _one_by_one(image, M, out, channels, start + part, start + end, y)
 
 
-@numba.njit(nogil=True, fastmath=True, inline="always")
+@inlined(fastmath=True)
 def _place(M: Homography, x: float, y: float) -> Any:
     """Where in the picture a pixel of the result lies, and its depth."""
     depth = M[2, 0] * x + M[2, 1] * y + M[2, 2]
@@ -91,7 +90,7 @@ def _place(M: Homography, x: float, y: float) -> Any:
     return (M[0, 0] * x + M[0, 1] * y + M[0, 2]) * inverse, (M[1, 0] * x + M[1, 1] * y + M[1, 2]) * inverse, depth
 
 
-@numba.njit(nogil=True, fastmath=True, inline="always")
+@inlined(fastmath=True)
 def _along(s: float, bent: float) -> Any:
     """How far from one end of a block to the other, in the picture, what is a share `s` of the way in the result.
 
@@ -100,7 +99,7 @@ def _along(s: float, bent: float) -> Any:
     return s + bent * s * (1 - s)
 
 
-@numba.njit(nogil=True, fastmath=True, inline="always")
+@inlined(fastmath=True)
 def _course(length: int, x0: float, y0: float, x1: float, y1: float, bent: float) -> Any:
     """How the place in the picture runs along a block: steps and bends in x and y, the column and row it begins in.
 
@@ -114,28 +113,28 @@ def _course(length: int, x0: float, y0: float, x1: float, y1: float, bent: float
     return x_step, y_step, x_bend, y_bend, int(column), int(row), int(crossed)
 
 
-@numba.njit(nogil=True, fastmath=True, inline="always")
+@inlined(fastmath=True)
 def _holds(shape: tuple[int, int], channels: int, column: int, row: int, columns: int, rows: int) -> bool:
     """Whether the picture has so many columns and rows from there on."""
     return column >= 0 and row >= 0 and (column + columns) * channels <= shape[1] and row + rows <= shape[0]
 
 
 # Indices of values are unsigned: numba would ask of each signed one whether it counts from the end.
-@numba.njit(nogil=True, fastmath=True, inline="always")
-def _steady(pixels: Image, shape: tuple[int, int], made: Image, to: int, place_of: FloatArray, pattern: tuple[int, ...],
+@inlined(fastmath=True)
+def _steady(pixels: Image, shape: tuple[int, int], made: Image, to: int, place_of: FloatArray, channels: int,
             length: int, x0: float, y0: float, x1: float, y1: float, bent: float) -> bool:
     """A block whose pixels each lie between the same two rows, and as far along; False where that is not so.
 
     x0, y0, x1, y1: where its first pixel lies, and the one after its last. bent: see `_along`.
     """
     x_step, y_step, x_bend, y_bend, column, row, crossed = _course(length, x0, y0, x1, y1, bent)
-    if crossed > 0 or not _holds(shape, len(pattern), column, row, length + 1, 2):
+    if crossed > 0 or not _holds(shape, channels, column, row, length + 1, 2):
         return False
-    at, into = np.uint64(row * shape[1] + column * len(pattern)), np.uint64(to)
-    right, down, whole = np.uint64(len(pattern)), np.uint64(shape[1]), np.float32(length)
+    at, into = np.uint64(row * shape[1] + column * channels), np.uint64(to)
+    right, down, whole = np.uint64(channels), np.uint64(shape[1]), np.float32(length)
     fx0, fx_step, fx_bend = np.float32(x0 - column), np.float32(x_step - 1), np.float32(x_bend)
     fy0, fy_step, fy_bend = np.float32(y0 - row), np.float32(y_step), np.float32(y_bend)
-    for k in range(np.uint64(length * len(pattern))):
+    for k in range(np.uint64(length * channels)):
         p = place_of[k]
         curve = p * (whole - p)
         fx, fy = fx0 + fx_step * p + fx_bend * curve, fy0 + fy_step * p + fy_bend * curve
@@ -146,19 +145,19 @@ def _steady(pixels: Image, shape: tuple[int, int], made: Image, to: int, place_o
     return True
 
 
-@numba.njit(nogil=True, fastmath=True, inline="always")
+@inlined(fastmath=True)
 def _crossing(pixels: Image, shape: tuple[int, int], made: Image, to: int, place_of: FloatArray,
-              pattern: tuple[int, ...], length: int, x0: float, y0: float, x1: float, y1: float, bent: float) -> bool:
+              channels: int, length: int, x0: float, y0: float, x1: float, y1: float, bent: float) -> bool:
     """The same where a row, or a column, may be crossed once: of three, with those weights that are not 0."""
     x_step, y_step, x_bend, y_bend, column, row, crossed = _course(length, x0, y0, x1, y1, bent)
-    if crossed > 1 or not _holds(shape, len(pattern), column, row, length + 2, 3):
+    if crossed > 1 or not _holds(shape, channels, column, row, length + 2, 3):
         return False
-    at, into = np.uint64(row * shape[1] + column * len(pattern)), np.uint64(to)
-    right, down, whole = np.uint64(len(pattern)), np.uint64(shape[1]), np.float32(length)
+    at, into = np.uint64(row * shape[1] + column * channels), np.uint64(to)
+    right, down, whole = np.uint64(channels), np.uint64(shape[1]), np.float32(length)
     fx0, fx_step, fx_bend = np.float32(x0 - column), np.float32(x_step - 1), np.float32(x_bend)
     fy0, fy_step, fy_bend = np.float32(y0 - row), np.float32(y_step), np.float32(y_bend)
     zero, one = np.float32(0), np.float32(1)
-    for k in range(np.uint64(length * len(pattern))):
+    for k in range(np.uint64(length * channels)):
         p = place_of[k]
         curve = p * (whole - p)
         fx, fy = fx0 + fx_step * p + fx_bend * curve, fy0 + fy_step * p + fy_bend * curve
@@ -171,18 +170,18 @@ def _crossing(pixels: Image, shape: tuple[int, int], made: Image, to: int, place
     return True
 
 
-@numba.njit(nogil=True, fastmath=True, inline="always")
+@inlined(fastmath=True)
 def _between(pixels: Image, at: int, right: int, fx: float, beyond: float) -> Any:
     """The value `fx` px along the way from one pixel to the next, and then `beyond` along that to the next but one."""
     a, b, c = np.float32(pixels[at]), np.float32(pixels[at + right]), np.float32(pixels[at + right + right])
     return a + fx * (b - a) + beyond * (c - b)
 
 
-@numba.njit(nogil=True, fastmath=True, inline="always")
-def _one_by_one(image: Image, M: Homography, out: Image, pattern: tuple[int, ...], start: int, end: int,
+@inlined(fastmath=True)
+def _one_by_one(image: Image, M: Homography, out: Image, channels: int, start: int, end: int,
                 y: int) -> None:
     """Pixels at the border of the picture and beyond, where there is nothing but 0."""
-    channels, height, width = len(pattern), image.shape[0], image.shape[1] // len(pattern)
+    height, width = image.shape[0], image.shape[1] // channels
     for x in range(start, end):
         x_px, y_px, _depth = _place(M, x, y)
         column, row = int(np.floor(x_px)), int(np.floor(y_px))

@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from stab_ros.core.kernels import kernel
+from stab_ros.core.kernels import lazy_kernel
 
 Texture: TypeAlias = NDArray[np.float32]  # (TILE, TILE), mean 0, standard deviation 1, repeats without a seam
 
@@ -29,7 +29,7 @@ def natural_texture(key: list[int], falloff: float, largest_texels: float, stret
     return np.asarray(shaped / shaped.std(), dtype=np.float32)
 
 
-@kernel(inline="always")
+@lazy_kernel(inline="always")
 def sample_texture(texture: Texture, x: float, y: float) -> np.float32:
     """The texture at (x, y) texels, bilinear, repeated in both directions."""
     left, top = int(np.floor(x)), int(np.floor(y))
@@ -41,7 +41,7 @@ def sample_texture(texture: Texture, x: float, y: float) -> np.float32:
     return np.float32(upper + fy * (lower - upper))
 
 
-@kernel(inline="always")
+@lazy_kernel(inline="always")
 def smooth_step(low: float, high: float, x: float) -> float:
     """0 below `low`, 1 above `high`, smooth between."""
     t = min(max((x - low) / (high - low), 0.0), 1.0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import time
 import traceback
 from collections.abc import Generator, Mapping
@@ -18,10 +17,10 @@ from types import TracebackType
 from typing import TypeAlias
 
 import numpy as np
-from numba.core import event
 
 from stab_ros.core.config import Value
 from stab_ros.core.errors import StabRosError
+from stab_ros.core.kernels import compile_kernels
 from stab_ros.core.types import Frame, Image, Track
 from stab_ros.io.engine import make_stabilizer
 from stab_ros.io.pipeline import PictureTracker, Result
@@ -30,8 +29,6 @@ from stab_ros.io.text import one_line
 
 _STATUS = Path("/proc/self/status")
 _NEXT = b"next"
-_COMPILE = "numba:compile"
-_FIRST = 3  # frames, after which everything has been compiled that usually is
 
 
 @dataclass(frozen=True)
@@ -49,14 +46,13 @@ class Run:
 class Step:
     """One frame of the input. number: from 0, undecodable ones included. track: without its covariance.
 
-    seconds: of tracking and warping together; None where there was no picture. compiled: whether kernels have been
-    compiled so far. steady: the picture in the reference's place, None while lost.
+    seconds: of tracking and warping together; None where there was no picture. steady: the picture in the reference's
+    place, None while lost.
     """
 
     number: int
     track: Track
     seconds: float | None
-    compiled: bool = False
     steady: Frame | None = None
 
 
@@ -89,22 +85,8 @@ class _Pixels:
 def steps_of(run: Run) -> Steps:
     """Every frame as it is done, then how it ended.
 
-    The process works on the next frame only once it is asked for, so nothing else runs while it is timed. One that
-    had to compile kernels first, as a method's very first does, makes way for a second, whose memory is its own.
+    The process works on the next frame only once it is asked for, so nothing else runs while it is timed.
     """
-    steps = _steps_of(run)
-    first = list(itertools.islice(steps, _FIRST))
-    if any(isinstance(one, Step) and one.compiled for one in first):
-        steps.close()
-        first, steps = [], _steps_of(run)
-    try:
-        yield from first
-        yield from steps
-    finally:
-        steps.close()
-
-
-def _steps_of(run: Run) -> Steps:
     context = get_context("spawn")  # a forked one would count our memory as its own
     ours, theirs = context.Pipe()
     process = context.Process(target=_work, args=(theirs, run), daemon=True)
@@ -154,11 +136,10 @@ def _work(connection: Connection, run: Run) -> None:
         again = partial(read_again, run.source, run.image_topic, run.fps, run.limit)
         tracker = PictureTracker(make_stabilizer(run.values, camera), need_image=True, read_again=again)
         clock = _Clock(tracker)
-        with event.install_recorder(_COMPILE) as compilations:
-            for picture in source.frames(run.limit):
-                result, seconds = clock.step(picture)
-                _send(connection, result, seconds, bool(compilations.buffer))
-                connection.recv_bytes()
+        compile_kernels()  # found in the cache: the parent has compiled them
+        for picture in source.frames(run.limit):
+            _send(connection, *clock.step(picture))
+            connection.recv_bytes()
         connection.send((Finished(peak_mb()), None))
 
 
@@ -181,12 +162,12 @@ class _Clock:
         return result, elapsed_s
 
 
-def _send(connection: Connection, result: Result, seconds: float, compiled: bool) -> None:
+def _send(connection: Connection, result: Result, seconds: float) -> None:
     decoded, track = result.picture.decoded, dataclasses.replace(result.track, covariance=None)
     if not isinstance(decoded, Frame):
-        connection.send((Step(result.number, track, None, compiled), None))
+        connection.send((Step(result.number, track, None), None))
         return
-    step = Step(result.number, track, seconds, compiled)
+    step = Step(result.number, track, seconds)
     if result.image is None or not track.tracked:
         connection.send((step, None))
         return

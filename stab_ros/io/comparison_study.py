@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stab_ros.core import estimators
+from stab_ros.core import estimators, kernels
 from stab_ros.core.config import Value
 from stab_ros.core.errors import InputError
 from stab_ros.core.gray import depth_scale, to_gray
@@ -92,8 +92,11 @@ def study_method(names: Sequence[str] | None) -> str:
     return chosen[0]
 
 
-def run_study(kind: str, job: ComparisonJob, progress: Progress) -> Study:
+def run_study(kind: str, job: ComparisonJob, progress: Progress,
+              compiling: kernels.Progress = kernels.untold) -> Study:
     """Matches every frame with the one before and fits all variants to each.
+
+    compiling: is told of the kernels, which all are compiled before the first frame.
 
     Raises:
         InputError: what was given cannot be used.
@@ -104,6 +107,7 @@ def run_study(kind: str, job: ComparisonJob, progress: Progress) -> Study:
     matches: list[int] = []
     with open_source(job.source, job.image_topic, job.fps) as source:
         total, frames = expected(source.count, job.limit), _Frames()
+        kernels.compile_kernels(compiling)
         pictures = (picture.decoded for picture in source.frames(job.limit))
         for before, current in frames.pairs(pictures):
             pairs = _matched(config, area.allowed(before.shape[::-1]), before, current)

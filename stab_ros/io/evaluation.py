@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from stab_ros.core import kernels
 from stab_ros.core.config import Value
 from stab_ros.core.errors import MessageError
 from stab_ros.core.evaluation import Arrival, Evaluator, EvaluatorConfig
@@ -94,8 +95,10 @@ class Evaluation:
     warnings: tuple[str, ...]
 
 
-def evaluate(job: EvaluationJob, progress: Progress) -> Evaluation:
+def evaluate(job: EvaluationJob, progress: Progress, compiling: kernels.Progress = kernels.untold) -> Evaluation:
     """Does the job.
+
+    compiling: is told of the kernels, which all are compiled before the first frame.
 
     Raises:
         InputError: what was given cannot be used.
@@ -105,6 +108,7 @@ def evaluate(job: EvaluationJob, progress: Progress) -> Evaluation:
     warnings: list[str] = []
     with open_streams(job.source, job.image_topics, job.fps) as streams:
         counter = _Counter(progress, expected_pictures(streams, job.limit))
+        kernels.compile_kernels(compiling)
         for stream in streams:
             work = _Work(stream, make_evaluator(job.values), counter)
             topics.append(work.run(job))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from stab_ros.core import kernels
 from stab_ros.core.camera import Camera
 from stab_ros.core.config import Value
 from stab_ros.core.parameters import PARAMETERS
@@ -59,19 +60,22 @@ class Summary:
         return self.frames - self.tracked
 
 
-def stabilize(job: Job, progress: Progress) -> Summary:
+def stabilize(job: Job, progress: Progress, compiling: kernels.Progress = kernels.untold) -> Summary:
     """Does the job.
+
+    compiling: is told of the kernels, which all are compiled before the first frame.
 
     Raises:
         InputError: what was given cannot be used; nothing is left behind.
         WorkError: work broke off; the readable part stays under its `.partial` name.
     """
     _check_outputs(job)
-    started_s = time.monotonic()
     with open_source(job.source, job.image_topic, job.fps) as source:
         camera = source.camera() if _uses_camera(job.values) else None
         stabilizer = make_stabilizer(job.values, camera)
         total = expected(source.count, job.limit)
+        kernels.compile_kernels(compiling)
+        started_s = time.monotonic()
         with _open_outputs(job, source, camera, stabilizer.window) as outputs:
             counts = run(source.items(job.limit), stabilizer, outputs, lambda done: progress(done, total),
                          partial(read_again, job.source, job.image_topic, job.fps, job.limit))

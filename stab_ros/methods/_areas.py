@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stab_ros.core.geometry import apply
-from stab_ros.core.kernels import kernel
+from stab_ros.core.kernels import F32, F64, U8, filled, kernel, read
 from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, IdArray, Image
 
 _CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]])
@@ -67,11 +67,13 @@ def sample(image: Image, maps: Maps, side: int) -> FloatArray:
     """(N, side, side) float32: the areas, by cubic convolution (Keys 1981); beyond the picture its edge goes on."""
     sane = np.asarray(np.isfinite(maps.centres).all(axis=1) & np.isfinite(maps.shape).all(axis=(1, 2)))
     values = np.zeros((len(maps.centres), side, side), np.float32)
-    _sample(image, np.where(sane[:, None], maps.centres, 0.0), np.where(sane[:, None, None], maps.shape, 0.0), values)
+    centres = np.where(sane[:, None], maps.centres, 0.0)
+    shape = np.where(sane[:, None, None], maps.shape, 0.0)
+    _sample(image, np.ascontiguousarray(centres), np.ascontiguousarray(shape), values)
     return values
 
 
-@kernel()
+@kernel(*((read(pixel, 2), read(F64, 2), read(F64, 3), filled(F32, 3)) for pixel in (U8, F32)))
 def _sample(image: Image, centres: FloatArray, shape: FloatArray, values: FloatArray) -> None:
     height, width = image.shape
     n, side, _ = values.shape

@@ -15,11 +15,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import cv2
-import numba
 import numpy as np
 
 from stab_ros.core.geometry import apply
-from stab_ros.core.kernels import kernel
+from stab_ros.core.kernels import F32, F64, I64, U8, filled, inlined, kernel, read
 from stab_ros.core.threads import in_parallel
 from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, IdArray, Image
 
@@ -58,8 +57,8 @@ class Patches:
         return len(self.centres)
 
     def __getitem__(self, keep: BoolArray) -> Patches:
-        return Patches(self.centres[keep], self.radius, self.template[keep], self.power[keep], self.pull[:, keep],
-                       self.precision[keep], self.lever[keep])
+        return Patches(self.centres[keep], self.radius, self.template[keep], self.power[keep],
+                       np.compress(keep, self.pull, axis=1), self.precision[keep], self.lever[keep])
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +150,7 @@ def measure(patches: Patches, chosen: IdArray, gray: Gray, cur_H_ref: Homography
 
     at_px: (N, 2) where each is instead; `cur_H_ref` then only says how it is turned and stretched.
     """
-    n = len(chosen)
+    n, chosen = len(chosen), np.ascontiguousarray(chosen)
     at_px = apply(cur_H_ref, patches.centres[chosen].astype(np.float64)) if at_px is None else at_px
     measured = Measured(chosen, np.zeros((n, 2)), np.zeros(n), np.zeros((n, 2, 2)))
 
@@ -167,7 +166,8 @@ def measure(patches: Patches, chosen: IdArray, gray: Gray, cur_H_ref: Homography
 
 # The helpers below are inlined: linked separately, a freshly compiled kernel and one from numba's cache would round
 # differently, and the live homographies would not be the command's.
-@kernel(fastmath=True)
+@kernel((read(U8, 2), read(F64, 2), read(F64, 2), read(I64, 1), read(I64, 2), I64, read(F32, 3), read(F64, 1),
+         read(F32, 4), read(F64, 3), read(F64, 3), filled(F64, 2), filled(F64, 1), filled(F64, 3)), fastmath=True)
 def _measure(gray: Gray, H: Homography, at_px: FloatArray, chosen: IdArray, centres: IdArray, radius: int,
              template: FloatArray, power: FloatArray, pull: FloatArray, precision: FloatArray, lever: FloatArray,
              displacement: FloatArray, correlation: FloatArray, information: FloatArray) -> None:
@@ -214,7 +214,7 @@ def _measure(gray: Gray, H: Homography, at_px: FloatArray, chosen: IdArray, cent
                 information[i, a, b] = precision[p, a, b] * gain * gain / noise
 
 
-@numba.njit(nogil=True, fastmath=True, inline="always")
+@inlined(fastmath=True)
 def _sample(gray: Gray, px: float, py: float, xx: float, xy: float, yx: float, yy: float, radius: int,
             values: FloatArray) -> None:
     """Bilinear samples on the grid of a patch about (px, py), which the affine part maps into the picture.
@@ -244,7 +244,7 @@ def _sample(gray: Gray, px: float, py: float, xx: float, xy: float, yx: float, y
         values[k] = top + fy[k] * (bottom - top)
 
 
-@numba.njit(nogil=True, fastmath=True, inline="always")
+@inlined(fastmath=True)
 def _sample_shifted(gray: Gray, px: float, py: float, radius: int, values: FloatArray) -> None:
     """Bilinear samples of a patch about (px, py) that is only shifted: one set of weights, contiguous loads."""
     column, row, side = int(px) - radius, int(py) - radius, 2 * radius + 1
@@ -258,7 +258,7 @@ def _sample_shifted(gray: Gray, px: float, py: float, radius: int, values: Float
             out[j] = first * upper[c] + second * upper[c + 1] + third * lower[c] + fourth * lower[c + 1]
 
 
-@numba.njit(nogil=True, fastmath=True, inline="always")
+@inlined(fastmath=True)
 def _sums(values: FloatArray, template: FloatArray, pull_x: FloatArray, pull_y: FloatArray) -> Any:
     """Sums of the values, their squares, and their products with the template and both pulls."""
     total, square, along, along_x, along_y = (np.float32(0), np.float32(0), np.float32(0), np.float32(0), np.float32(0))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stab_ros.core.kernels import kernel
+from stab_ros.core.kernels import F32, filled, kernel, read
 from stab_ros.core.types import BoolArray, FloatArray, IdArray, Image
 from stab_ros.methods._areas import Maps, sample
 
@@ -122,7 +122,7 @@ def best_place(patterns: FloatArray, areas: FloatArray) -> tuple[IdArray, BoolAr
     return lag, np.asarray(np.abs(lag).max(axis=1, initial=0) < max(lags // 2, 1))
 
 
-@kernel(fastmath=True)
+@kernel((read(F32, 3), read(F32, 1), read(F32, 3), filled(F32, 3)), fastmath=True)
 def _absolute_differences(patterns: FloatArray, means: FloatArray, areas: FloatArray, scores: FloatArray) -> None:
     n, lags, _ = scores.shape
     side = patterns.shape[1]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stab_ros.core.kernels import kernel
+from stab_ros.core.kernels import F32, F64, I64, filled, kernel, read
 from stab_ros.core.types import FloatArray
 
 _C1, _C2 = (0.01 * 255) ** 2, (0.03 * 255) ** 2  # of Wang et al. 2004, for 8-bit pictures
@@ -42,7 +42,11 @@ def _window_sums(images: FloatArray, window: int) -> FloatArray:
                       + total[:, :-window, :-window])
 
 
-@kernel(fastmath=True)
+_IMAGES, _STATISTIC = read(F32, 3), read(F32, 3)
+
+
+@kernel((_IMAGES, _IMAGES, I64, _STATISTIC, _STATISTIC, _STATISTIC, _STATISTIC, F64, F64, filled(F64, 3)),
+        fastmath=True)
 def _fill(kernels: FloatArray, areas: FloatArray, window: int, kernel_mean: FloatArray, kernel_variance: FloatArray,
           area_mean: FloatArray, area_variance: FloatArray, c1: float, c2: float, maps: FloatArray) -> None:
     """The maps; only the covariance has to be summed anew at each lag, column by column, then along the rows."""

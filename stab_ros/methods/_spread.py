@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from stab_ros.core.kernels import kernel
+from stab_ros.core.kernels import BOOL, F32, I64, kernel, read
 from stab_ros.core.threads import in_parallel
 from stab_ros.core.types import BoolArray, FloatArray, Gray, IdArray
 
@@ -48,7 +48,7 @@ def choose(gray: Gray, allowed: BoolArray, count: int, radius: int, least_textur
     return np.asarray(centres[np.sort(strongest[best[strongest] >= least_texture])])
 
 
-@kernel()
+@kernel((read(F32, 2), read(BOOL, 2), I64))
 def _best_of_cells(score: FloatArray, usable: BoolArray, side: int) -> tuple[FloatArray, IdArray]:
     """The best score of the usable places of each cell of side^2 px, row by row, and where it is (x, y); else 0."""
     height, width = score.shape

@@ -14,7 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stab_ros.core.kernels import kernel
+from stab_ros.core.kernels import F32, F64, I64, filled, kernel, read
 from stab_ros.core.types import FloatArray, Gray, IdArray
 
 SHIFTS_PX = np.array([0.1, 0.25, 0.5, 0.75, 1, 1.5, 2, 2.5, 3, 3.5, 4, 4.5, 5, 5.5, 6, 6.5, 7, 7.5, 8])
@@ -82,7 +82,7 @@ def _own_share(whole_px: IdArray, taps: FloatArray) -> float:
     return float(taps[0, column] * taps[1, row]) if inside else 0.0
 
 
-@kernel()
+@kernel((read(F32, 2), I64, I64, I64, read(I64, 2), read(F32, 3)))
 def _ring_squares(picture: Any, x: int, y: int, half: int, whole_px: Any, taps: Any) -> Any:
     """(S, half + 1): squared differences between picture and shifted picture, summed over square rings about (x, y).
 
@@ -106,7 +106,7 @@ def _ring_squares(picture: Any, x: int, y: int, half: int, whole_px: Any, taps: 
     return rings
 
 
-@kernel()
+@kernel((read(F32, 1), I64, read(F32, 1), filled(F32, 1)))
 def _weighted(source: Any, left: int, taps: Any, out: Any) -> None:
     out[:] = 0
     for tap in range(len(taps)):
@@ -114,13 +114,13 @@ def _weighted(source: Any, left: int, taps: Any, out: Any) -> None:
             _add(taps[tap], source[left + tap : left + tap + len(out)], out)
 
 
-@kernel()
+@kernel((F32, read(F32, 1), filled(F32, 1)))
 def _add(weight: float, source: Any, out: Any) -> None:
     for column in range(len(out)):
         out[column] += weight * source[column]
 
 
-@kernel()
+@kernel((filled(F32, 1), read(F32, 1), I64, filled(F64, 1)))
 def _add_to_rings(line: Any, plain: Any, from_middle: int, rings: Any) -> None:
     half = len(rings) - 1
     for column in range(len(line)):
