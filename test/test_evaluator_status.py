@@ -33,8 +33,8 @@ class Stream:
         return Arrival(self.number, self.number * INTERVAL_NS, None, False, None)
 
     def says(self, delay_ns: int = 0) -> tuple[Level, str, dict[str, str]]:
-        report = self.status.report(self.now_ns, delay_ns)
-        assert report.level == self.status.level(self.now_ns, delay_ns)
+        report = self.status.report(self.now_ns, delay_ns, self.now_ns)
+        assert report.level == self.status.level(self.now_ns, delay_ns, self.now_ns)
         return Level(report.level), report.message, dict(report.values)
 
 

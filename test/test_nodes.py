@@ -23,9 +23,11 @@ from stab_ros.core.errors import ConfigError, InputError, WorkError
 from stab_ros.core.parameters import PARAMETERS
 from stab_ros.core.types import State, Track
 from stab_ros.nodes import params, qos
+from stab_ros.nodes.free_time import FreeTime
 from stab_ros.nodes.gap_counter import GapCounter
 from stab_ros.nodes.runtime import message_class
 from stab_ros.nodes.schedule import Schedule
+from stab_ros.nodes.silence import Silence
 from stab_ros.nodes.stopping import StopRequest, node_main, until_stopped
 from stab_ros.nodes.tracker_node import SETTINGS
 from stab_ros.nodes.tracker_status import TrackerStatus
@@ -80,6 +82,40 @@ def test_schedule_plays_faster_and_slower() -> None:
     assert Schedule(0, 0, 0.5).due_ns(SECOND_NS) == 2 * SECOND_NS
 
 
+def test_schedule_goes_on_after_a_stall() -> None:
+    stalled = Schedule(0, 0, 2.0).resumed(5 * SECOND_NS)
+    assert stalled.due_ns(4 * SECOND_NS) == 7 * SECOND_NS
+    assert stalled.bag_time_ns(7 * SECOND_NS) == 4 * SECOND_NS
+
+
+# free time and silence
+
+
+def test_time_is_free_only_while_nothing_is_to_be_done() -> None:
+    free = FreeTime()
+    free.waited(3, 10)
+    free.waited(5_000, 10)  # the process was stopped, or got no CPU
+    free.waited(-1, 10)
+    assert free.ns == 13
+
+
+def test_silence_of_a_stream() -> None:
+    silence = Silence(stale_ns=2 * SECOND_NS)
+    assert not silence.begun
+    assert (silence.ns(9 * SECOND_NS), silence.is_stale(9 * SECOND_NS)) == (0, False)  # none before the first image
+    assert silence.broken(9 * SECOND_NS) == 0
+    assert (silence.is_stale(11 * SECOND_NS), silence.is_stale(11 * SECOND_NS + 1)) == (False, True)
+    assert (silence.is_lasting(19 * SECOND_NS), silence.is_lasting(19 * SECOND_NS + 1)) == (False, True)
+
+
+def test_a_slow_stream_is_given_more_time() -> None:
+    silence = Silence(stale_ns=2 * SECOND_NS)
+    for at_s in (0, 26, 52):
+        silence.broken(at_s * SECOND_NS)
+    assert not silence.is_lasting((52 + 78) * SECOND_NS)
+    assert silence.is_lasting((52 + 78) * SECOND_NS + 1)
+
+
 # what the tracker says of itself
 
 
@@ -102,8 +138,8 @@ def test_status_counts_what_happens() -> None:
     assert report.values == {
         "state": "TRACKED", "method": "direct", "frames_in": "1", "frames_tracked": "1", "frames_lost": "0",
         "frames_dropped": "3", "frames_refused": "0", "frames_before": "0", "matches": "50", "inliers": "45",
-        "rmse_px": "0.25", "sigma_px": "0.125", "latency_ms": "12.346", "reset_counter": "0", "rival_share": "",
-        "parallax_px": "", "parallax_deg": "",
+        "rmse_px": "0.25", "sigma_px": "0.125", "latency_ms": "12.346", "reset_counter": "0", "ground": "undecided",
+        "rival_share": "", "parallax_px": "", "parallax_deg": "",
     }
 
 

@@ -6,6 +6,7 @@ Only what became of each feature is kept, no picture; once the start is over, th
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 
@@ -22,6 +23,14 @@ _LEAST_FEATURES = 48  # with fewer there is nothing to choose between
 # if less of it was seen, as where the first frames were dropped, it may take so many times as long
 _SEEN_SHARE, _PATIENCE = 0.5, 3
 _MOST_FRAMES = 120  # where time does not advance
+
+
+class Ground(Enum):
+    """What is known of it. PROVISIONAL: frames had to be answered before enough was seen; it is decided anew."""
+
+    UNDECIDED = "undecided"
+    PROVISIONAL = "provisional"
+    DECIDED = "decided"
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +52,8 @@ class Opening:
 class Outcome:
     """What the start has shown. ground_px: (n, 2) features of the ground in the reference. size: of that, px.
 
-    doubt: if something else may be the ground as well.
+    openings: of the frames that had no answer yet. doubt: if something else may be the ground as well. turned: whether
+    an earlier outcome took something else for it. provisional: too little was seen to be certain.
     """
 
     openings: list[Opening]
@@ -51,6 +61,8 @@ class Outcome:
     static_map: StaticMap
     doubt: Doubt | None
     size: tuple[int, int]
+    turned: bool
+    provisional: bool
 
     def expected(self, ref_H_cur: Homography) -> float:
         """How many features of the ground a frame there should show."""
@@ -65,6 +77,8 @@ class Deferral:
         self.reference, self._duration_ns = reference, duration_ns
         self._size, self._start_ns = reference.frame.size, start_ns
         self._survey = Survey(reference.gray, allowed)
+        self._answered = 0  # of the frames so far
+        self._taken: BoolArray | None = None  # (N,) the features of what was taken for ground
         self._indices: list[int] = []
         self._stamps_ns: list[int] = []
         self._times_ns: list[int] = []
@@ -79,10 +93,29 @@ class Deferral:
         """Whether the last frame has brought the start to its end."""
         if not self._times_ns:
             return False
-        first_ns, last_ns = self._times_ns[0], self._times_ns[-1]
-        elapsed_ns, enough = last_ns - self._start_ns, last_ns - first_ns >= _SEEN_SHARE * self._duration_ns
-        long = elapsed_ns >= self._duration_ns * (1 if enough else _PATIENCE)
+        elapsed_ns = self._times_ns[-1] - self._start_ns
+        long = elapsed_ns >= self._duration_ns * (1 if self.enough else _PATIENCE)
         return long or elapsed_ns < 0 or len(self._times_ns) >= _MOST_FRAMES
+
+    @property
+    def enough(self) -> bool:
+        """Whether half of its length was seen."""
+        return self.seen_ns >= _SEEN_SHARE * self._duration_ns
+
+    @property
+    def seen_ns(self) -> int:
+        """From the first frame that was followed to the last."""
+        return self._times_ns[-1] - self._times_ns[0] if self._times_ns else 0
+
+    @property
+    def ground(self) -> Ground:
+        """What is known of it so far."""
+        return Ground.PROVISIONAL if self._answered else Ground.UNDECIDED
+
+    @property
+    def waiting(self) -> int:
+        """How many frames are not answered yet."""
+        return len(self._times_ns) - self._answered
 
     def follow(self, index: int, stamp_ns: int, time_ns: int, gray: Gray) -> None:
         """Takes the next frame, (h, w) uint8. stamp_ns: of its header, which may jump. time_ns: of the stream."""
@@ -91,27 +124,38 @@ class Deferral:
         self._stamps_ns.append(stamp_ns)
         self._times_ns.append(time_ns)
 
-    def outcome(self) -> Outcome:
-        """What is ground, and the frames so far in its light; everything, if the features show no plane."""
-        trajectories = self._survey.trajectories()
-        planes = find_planes(trajectories)
-        if not planes:
-            everything = Plane(np.ones(len(trajectories.reference_px), bool), trajectories.shapes)
-            return self._judged(Choice(everything), trajectories)
-        elapsed_s = (np.array(self._times_ns) - self._start_ns) / 1e9
-        scene = Scene(trajectories.reference_px, self._size, elapsed_s)
-        return self._judged(choose_ground(planes, scene), trajectories)
+    def outcome(self, provisional: bool = False) -> Outcome:
+        """What is ground, and the frames without an answer in its light; everything, if the features show no plane.
 
-    def _judged(self, choice: Choice, trajectories: Trajectories) -> Outcome:
-        """The frames so far in the light of a choice."""
-        ground, openings = choice.ground, []
-        places = np.where(np.isnan(ground.ref_H_cur), trajectories.shapes, ground.ref_H_cur)
-        for k, which in enumerate(zip(self._indices, self._stamps_ns, self._times_ns, strict=True)):
-            pairs = trajectories.pairs(k)
-            openings.append(Opening(*which, pairs, ground.member[pairs.feature_id].astype(float), places[k]))
+        provisional: as no frame comes, before the start is over; then whatever moves otherwise may be the ground.
+        """
+        trajectories = self._survey.trajectories()
+        choice = self._choice(trajectories, provisional)
+        member, before = choice.ground.member, self._taken
+        turned = before is not None and 2 * np.sum(member & before) < min(np.sum(member), np.sum(before))
+        self._taken = member
         rival = choice.rival
         doubt = None if rival is None else Doubt(rival, self._map(rival.plane), self._start_ns, self._size)
-        return Outcome(openings, trajectories.reference_px[ground.member], self._map(ground), doubt, self._size)
+        return Outcome(self._openings(choice.ground, trajectories), trajectories.reference_px[member],
+                       self._map(choice.ground), doubt, self._size, bool(turned), provisional or not self.enough)
+
+    def _choice(self, trajectories: Trajectories, provisional: bool) -> Choice:
+        planes = find_planes(trajectories)
+        if not planes:
+            return Choice(Plane(np.ones(len(trajectories.reference_px), bool), trajectories.shapes))
+        elapsed_s = (np.array(self._times_ns) - self._start_ns) / 1e9
+        return choose_ground(planes, Scene(trajectories.reference_px, self._size, elapsed_s), provisional)
+
+    def _openings(self, ground: Plane, trajectories: Trajectories) -> list[Opening]:
+        """The frames that have no answer yet, in the light of a choice; with this they have one."""
+        first, self._answered = self._answered, len(self._times_ns)
+        places = np.where(np.isnan(ground.ref_H_cur), trajectories.shapes, ground.ref_H_cur)
+        openings = []
+        for k in range(first, self._answered):
+            pairs = trajectories.pairs(k)
+            openings.append(Opening(self._indices[k], self._stamps_ns[k], self._times_ns[k], pairs,
+                                    ground.member[pairs.feature_id].astype(float), places[k]))
+        return openings
 
     def _map(self, plane: Plane) -> StaticMap:
         return StaticMap.of_features(self._survey.reference_px, plane.member.astype(float), self._size)

@@ -86,13 +86,17 @@ class Scene:
     elapsed_s: FloatArray
 
 
-def choose_ground(planes: list[Plane], scene: Scene) -> Choice:
-    """The plane, of at least one, that is more likely the ground than any other."""
+def choose_ground(planes: list[Plane], scene: Scene, provisional: bool = False) -> Choice:
+    """The plane, of at least one, that is more likely the ground than any other.
+
+    provisional: too little was seen to be certain, so each other plane is a rival, whatever the odds.
+    """
     cues = _cues(planes, scene)
     odds = np.array([[a.odds_against(b) for b in cues] for a in cues])
     best = int(np.argmax(np.min(odds, axis=1)))
     others = [k for k in np.argsort(odds[best]).tolist() if k != best]  # the most likely one first
-    rivals = (_rival(planes[best], planes[k], cues[best], cues[k], scene) for k in others)
+    certain = math.inf if provisional else _AMBIGUOUS
+    rivals = (_rival(planes[best], planes[k], cues[best], cues[k], scene, certain) for k in others)
     return Choice(planes[best], next((rival for rival in rivals if rival is not None), None))
 
 
@@ -169,10 +173,10 @@ def _enclosed(places: FloatArray, hull: FloatArray) -> float:
     return float(np.mean([cv2.pointPolygonTest(outline, (x, y), False) >= 0 for x, y in places.tolist()]))
 
 
-def _rival(chosen: Plane, other: Plane, cues: _Cues, of_other: _Cues, scene: Scene) -> Rival | None:
-    """The other plane as a rival; None where it is hardly as likely, or the two do not part, or not steadily."""
+def _rival(chosen: Plane, other: Plane, cues: _Cues, of_other: _Cues, scene: Scene, certain: float) -> Rival | None:
+    """The other plane as a rival; None where the odds are `certain`, or the two do not part, or not steadily."""
     odds, share = cues.odds_against(of_other), len(other) / (len(chosen) + len(other))
-    if odds >= _AMBIGUOUS or share < _LEAST_SHARE:
+    if odds >= certain or share < _LEAST_SHARE:
         return None
     both = np.flatnonzero(~np.isnan(chosen.ref_H_cur[:, 0, 0]) & ~np.isnan(other.ref_H_cur[:, 0, 0]))
     centre = np.array([[scene.size[0] / 2, scene.size[1] / 2]])

@@ -15,7 +15,7 @@ from stab_ros.core import estimators
 from stab_ros.core.bases import REFERENCE, REFERENCES, Base, Place, make_base, reference_base
 from stab_ros.core.camera import Camera
 from stab_ros.core.config import Checked, setting
-from stab_ros.core.deferral import Deferral, Opening, Outcome
+from stab_ros.core.deferral import Deferral, Ground, Opening, Outcome
 from stab_ros.core.doubt import Doubt, Verdict
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import is_plausible, sigma_px
@@ -158,6 +158,13 @@ class Stabilizer:
         return self._deferral is not None
 
     @property
+    def ground(self) -> Ground:
+        """What is known of the ground in the reference."""
+        if self._deferral is not None:
+            return self._deferral.ground
+        return Ground.UNDECIDED if self._reference is None else Ground.DECIDED
+
+    @property
     def frames(self) -> int:
         """How many frames there have been, answered or not: the index of the next one."""
         return self._frames
@@ -165,15 +172,30 @@ class Stabilizer:
     def finish(self) -> list[Track]:
         """The answers that are still deferred, by what has been seen so far."""
         deferral, self._deferral = self._deferral, None
-        if deferral is None:
+        return [] if deferral is None else self._judged(deferral, deferral.outcome())
+
+    def pause(self, ended: bool) -> list[Track]:
+        """The answers that are still deferred, as no frame comes.
+
+        The start goes on with the next frame, and what is ground is decided anew. ended: as far as anyone knows nothing
+        more will come, so it is judged as by `finish`, and that is the end of a start that has seen enough; else
+        whatever moves otherwise than the ground counts as a doubt.
+        """
+        deferral = self._deferral
+        if deferral is None or not deferral.waiting:
             return []
-        outcome = deferral.outcome()
+        if ended and deferral.enough:
+            return self.finish()
+        return self._judged(deferral, deferral.outcome(provisional=not ended))
+
+    def _judged(self, deferral: Deferral, outcome: Outcome) -> list[Track]:
         self._static_map, self._ground_known, self._doubt = outcome.static_map, True, outcome.doubt
         self._base.believe(self._static_map)
+        self._references += outcome.turned  # what was answered before does not belong to what follows
         kept, self._reference = self._reference, deferral.reference  # which may have been given up meanwhile
         tracks = [self._opened(opening, outcome) for opening in outcome.openings]
         self._reference = kept
-        return tracks
+        return [dataclasses.replace(track, provisional=outcome.provisional) for track in tracks]
 
     def track(self, frame: Frame) -> Track:
         """Where the frame lies in the reference; the first textured frame, and one of another kind, becomes it.

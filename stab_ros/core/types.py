@@ -120,6 +120,7 @@ class Track:
 
     index: the frame's number in the stream, from 0. reset_counter: how often the reference was replaced.
     sigma_px: one-sigma uncertainty of `ref_H_cur`, RMS over the 9x9 grid of the frame (`geometry.grid_rms`).
+    provisional: given before enough was seen of a start to tell what is ground.
     """
 
     state: State
@@ -133,6 +134,7 @@ class Track:
     covariance: FloatArray | None = None
     rmse_px: float | None = None
     sigma_px: float | None = None
+    provisional: bool = False
 
     @property
     def tracked(self) -> bool:

@@ -200,6 +200,7 @@ def track_cdr(track: Track, header: Header, window: Window = _WHOLE) -> bytes:
         "covariance": "" if track.covariance is None else _upper_triangle(track.covariance),
         "offset": " ".join(f"{place_px:.12g}" for place_px in window.offset),
         "scale": f"{window.scale:.12g}",
+        "provisional": str(track.provisional).lower(),
     }
     level = OK if track.tracked else WARN
     return _diagnostics(header, "track", header.frame_id, level, track.state.value, values)

@@ -26,6 +26,7 @@ from stab_ros.nodes.schedule import Schedule
 
 _CLOCK = "/clock"
 _TICK_NS = 20_000_000  # of /clock
+_STALL_NS = 200_000_000  # what is later was held up, by a slow subscriber or because the process was stopped
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,7 @@ class BagPlayerNode(StabNode):
             raise InputError("bag: no recording is named, it must be the path of one, as in -p bag:=flight.mcap")
         self._outlets: dict[str, Outlet] = {}
         self._clock_outlet = Outlet(self, Clock, _CLOCK, QoSProfile(depth=1)) if self.settings.clock else None
+        self._schedule = Schedule(0, 0, self.settings.rate)
         self._told_ns = 0
         self._messages = self._rounds = 0
         self._doing = "opening the recording"
@@ -104,14 +106,14 @@ class BagPlayerNode(StabNode):
         self._doing = "playing"
         self._rounds += 1
         start_ns = bag.start_ns + round(self.settings.start_offset * SECOND_NS)
-        schedule = Schedule(start_ns, time.monotonic_ns(), self.settings.rate)
+        self._schedule = Schedule(start_ns, time.monotonic_ns(), self.settings.rate)
         total = sum(bag.topics[name].count for name in self._outlets)
         with tqdm(total=total, unit=" messages", disable=None) as progress:
             for message in bag.messages(self._outlets):
                 progress.update()
                 if message.log_time_ns < start_ns:
                     continue
-                self._wait_until_due(message, schedule, spinner)
+                self._wait_until_due(message, spinner)
                 if spinner.stopping:
                     return
                 self._outlets[message.topic].send(message.data)
@@ -119,18 +121,20 @@ class BagPlayerNode(StabNode):
         for warning in bag.warnings:
             self.get_logger().warning(warning)
 
-    def _wait_until_due(self, message: Message, schedule: Schedule, spinner: Spinner) -> None:
+    def _wait_until_due(self, message: Message, spinner: Spinner) -> None:
+        schedule, wait_ns = self._schedule, 0
         due_ns = schedule.due_ns(message.log_time_ns)
-        wait_ns = 0
-        while not spinner.stopping:
+        while True:
             now_ns = time.monotonic_ns()
             self._tell_time(min(schedule.bag_time_ns(now_ns), message.log_time_ns), at_once=now_ns >= due_ns)
-            if now_ns >= due_ns:
+            if now_ns >= due_ns or spinner.stopping:
                 break
             wait_ns = min(due_ns - now_ns, _TICK_NS)
             spinner.once(wait_ns / SECOND_NS)
         if wait_ns == 0:
             spinner.once(0.0)  # late already, yet parameters and signals are not to starve
+        if now_ns - due_ns > _STALL_NS:
+            self._schedule = schedule.resumed(now_ns - due_ns)
 
     def _tell_time(self, bag_ns: int, at_once: bool) -> None:
         """Publishes /clock, in steps or with the message that is due."""

@@ -19,7 +19,6 @@ from stab_ros.nodes.qos import AdaptiveSubscription, keep_all_offered, offered_y
 from stab_ros.nodes.runtime import Spinner, StabNode, message_class
 
 _LOOK_S = 0.1  # how often new topics and publishers are looked for
-_DRAIN_LIMIT_S = 10.0
 
 
 @dataclass(frozen=True)
@@ -57,7 +56,7 @@ class BagRecorderNode(StabNode):
             self.get_logger().info(f"recording to {self.settings.output}")
             while not spinner.stopping:
                 spinner.once()
-            spinner.drain(lambda: self._messages, _DRAIN_LIMIT_S)
+            spinner.drain(lambda: self._messages)
             if self._failure is not None:
                 raise self._failure
 

@@ -18,6 +18,7 @@ from stab_ros.core.evaluation import Arrival, Evaluator
 from stab_ros.core.findings import Level, findings
 from stab_ros.core.frame_metrics import FrameMetrics, Outcome
 from stab_ros.core.gray import without_colour
+from stab_ros.core.kernels import Compilation
 from stab_ros.core.memory import give_back_memory
 from stab_ros.core.parameters import EVALUATOR_PARAMETERS, evaluator_config
 from stab_ros.core.types import Frame
@@ -39,14 +40,14 @@ from stab_ros.nodes.evaluator_status import EvaluatorStatus
 from stab_ros.nodes.outlet import Outlet
 from stab_ros.nodes.qos import AdaptiveSubscription, Choice, keep_all_offered, latest_latched
 from stab_ros.nodes.runtime import Spinner, StabNode
-from stab_ros.nodes.warm_up import warm_up_evaluator
 
 _IMAGE, _HOMOGRAPHY, _REFERENCE = "image_stabilized", "homography", "tracker_node/reference_image"
 _LOOK_S = 0.1  # how often publishers and the level are looked at
 _WARN_EVERY_S = 5.0
-_TAKE_LIMIT_S = 1.0  # then a frame is measured even if messages keep coming
-_REFERENCE_LIMIT_NS = SECOND_NS  # a publisher of references that has none by then will not send it for this frame
-_DISCOVERY_NS = SECOND_NS // 5  # by then the publisher of references is known, if there is one
+_TAKEN = 50  # messages at most, then a frame is measured
+# Waits are of free time, with nothing to take and nothing to measure
+_REFERENCE_LIMIT_NS = 4 * SECOND_NS  # a publisher of references that has sent none by then has none for this frame
+_DISCOVERY_NS = SECOND_NS // 2  # by then the publisher of references is known, if there is one
 _PICTURE_LIMIT_NS = SECOND_NS  # a picture that the next frame's homography overtook by so much will not come any more
 _HOMOGRAPHY_LIMIT_NS = 4 * SECOND_NS  # what Fast DDS lost comes again after 3 s, unless a profile says otherwise
 _FIX = "let it offer RELIABLE or BEST_EFFORT, VOLATILE or TRANSIENT_LOCAL"
@@ -73,6 +74,8 @@ CHANGEABLE = frozenset(EVALUATOR_PARAMETERS) - _PREPARED
 class EvaluatorNode(StabNode):
     """Takes all that comes, and measures one frame after the other."""
 
+    COMPUTES = True
+
     def __init__(self) -> None:
         super().__init__("evaluator_node")
         values = params.declare(self, {**EVALUATOR_PARAMETERS, **SETTINGS}, CHANGEABLE)
@@ -88,12 +91,14 @@ class EvaluatorNode(StabNode):
         self._inputs: dict[str, AdaptiveSubscription] = {}
         self._received = 0
         self._overran = False  # more pictures have waited than usual
-        self._moved_ns = time.monotonic_ns()  # when the pairing last gave out a frame, or began to wait
+        self._moved_ns = 0  # free time when the pairing last gave out a frame, or began to wait
         self._awaits_reference = True
+        self._waits_since_ns: int | None = None  # free time when the first picture began to wait for it
         self._frame_id = ""
         self._told_level = 0
         self._make_outlets()
         params.LiveChanges(self, EVALUATOR_PARAMETERS, self._change)
+        self.every(1.0, self._report)
 
     def _make_outlets(self) -> None:
         self.metrics = Outlet(self, DiagnosticArray, "~/metrics", QoSProfile(depth=100))
@@ -101,9 +106,10 @@ class EvaluatorNode(StabNode):
             ("rmse_reference_px", "~/rmse_px"), ("rmsd_reference", "~/rmsd"),
             ("displacement_reference_px", "~/displacement_px"))}
 
+    def on_compiling(self, so_far: Compilation) -> None:
+        self.status.waiting_for = f"kernels to be compiled, {so_far.done} of {so_far.total} are"
+
     def prepare(self) -> None:
-        warm_up_evaluator(self.values)
-        self.every(1.0, self._report)
         self.every(_LOOK_S, self._look)
         self._look()
 
@@ -134,9 +140,9 @@ class EvaluatorNode(StabNode):
                 spinner.once()
 
     def _take(self, spinner: Spinner) -> None:
-        """Everything that waits in the middleware."""
-        end_s, idle = time.monotonic() + _TAKE_LIMIT_S, 0
-        while idle < 2 and not spinner.stopping and time.monotonic() < end_s:
+        """What waits in the middleware, so much at most that measuring goes on beside it."""
+        end, idle = self._received + _TAKEN, 0
+        while idle < 2 and not spinner.stopping and self._received < end:
             before = self._received
             spinner.once(0.0)
             idle = idle + 1 if self._received == before else 0
@@ -144,14 +150,14 @@ class EvaluatorNode(StabNode):
     def _on_image(self, cdr: bytes) -> None:
         frame = without_colour(read_image(cdr, IMAGE))
         self._frame_id = frame.frame_id
-        self.status.on_alive(time.monotonic_ns())
+        self.status.on_alive(self.free.ns)
         self._pairing.expect_homography = self.count_publishers(self._inputs[_HOMOGRAPHY].topic) > 0
         self._queue(self._pairing.image(frame))
 
     def _on_homography(self, cdr: bytes) -> None:
         stamp_ns, ref_H_cur = read_homography(cdr)
         if ref_H_cur is None:
-            self.status.on_alive(time.monotonic_ns())
+            self.status.on_alive(self.free.ns)
         self._queue(self._pairing.homography(stamp_ns, ref_H_cur, read_size(cdr)))
 
     def _on_reference(self, cdr: bytes) -> None:
@@ -161,7 +167,7 @@ class EvaluatorNode(StabNode):
     def _queue(self, arrivals: list[Arrival]) -> None:
         now_ns, waiting = time.monotonic_ns(), self._pairing
         if arrivals or (waiting.homographies_waiting <= 2 and waiting.pictures_waiting <= 1):
-            self._moved_ns = now_ns
+            self._moved_ns = self.free.ns
         for arrival in arrivals:
             self.status.on_frame(arrival)
             for skipped in self._backlog.add(arrival, now_ns):
@@ -170,11 +176,13 @@ class EvaluatorNode(StabNode):
     def _may_measure(self) -> bool:
         """The first picture waits a little for the reference: whoever joins later gets it latched."""
         first = self._backlog.first
-        if self._awaits_reference and isinstance(first, Arrival) and first.frame is not None:
-            limit_ns = _REFERENCE_LIMIT_NS if self._inputs[_REFERENCE].publishers else _DISCOVERY_NS
-            self._awaits_reference = self._backlog.delay_ns(time.monotonic_ns()) < limit_ns
-            return not self._awaits_reference
-        return True
+        if not (self._awaits_reference and isinstance(first, Arrival) and first.frame is not None):
+            return True
+        if self._waits_since_ns is None:
+            self._waits_since_ns = self.free.ns
+        limit_ns = _REFERENCE_LIMIT_NS if self._inputs[_REFERENCE].publishers else _DISCOVERY_NS
+        self._awaits_reference = self.free.ns - self._waits_since_ns < limit_ns
+        return not self._awaits_reference
 
     def _measure_one(self) -> None:
         self._overran |= self._backlog.crowded
@@ -232,7 +240,7 @@ class EvaluatorNode(StabNode):
 
     def _waits_in_vain(self) -> bool:
         """Whether the other half of a frame should have come by now; a single one waits for a slow tracker's warp."""
-        waited_ns = time.monotonic_ns() - self._moved_ns
+        waited_ns = self.free.ns - self._moved_ns
         if self._pairing.pictures_waiting and waited_ns > _HOMOGRAPHY_LIMIT_NS:
             return True
         return self._pairing.homographies_waiting >= 2 and waited_ns > _PICTURE_LIMIT_NS
@@ -246,11 +254,11 @@ class EvaluatorNode(StabNode):
     def _alarm(self) -> None:
         """Reports at once when it has become worse."""
         now_ns = time.monotonic_ns()
-        if self.status.level(now_ns, self._backlog.delay_ns(now_ns)) > self._told_level:
+        if self.status.level(now_ns, self._backlog.delay_ns(now_ns), self.free.ns) > self._told_level:
             self._report()
 
     def _report(self) -> None:
         now_ns = time.monotonic_ns()
-        report = self.status.report(now_ns, self._backlog.delay_ns(now_ns))
+        report = self.status.report(now_ns, self._backlog.delay_ns(now_ns), self.free.ns)
         self._told_level = report.level
         self.report(report.level, report.message, report.values)

@@ -12,6 +12,7 @@ from stab_ros.core.findings import Finding, Level, frame_name
 from stab_ros.core.frame_metrics import UNITS, FrameMetrics, Outcome
 from stab_ros.io.text import number
 from stab_ros.metrics.statistics import summarize
+from stab_ros.nodes.silence import Silence
 from stab_ros.nodes.tracker_status import Report
 
 _SHOWN = 3  # problems in one message
@@ -31,24 +32,23 @@ class _Problem:
 
 
 class EvaluatorStatus:
-    """Counts frames and remembers what was wrong with the last ones. Times are of one monotonic clock, ns.
+    """Counts frames and remembers what was wrong with the last ones.
 
-    window_ns: statistics are over so long. alarm_ns: what is wrong with a frame is told for so long.
-    stale_ns: silence from which the stream counts as stopped.
+    now_ns: of a monotonic clock. free_ns: of the node's free time. window_ns: statistics are over so long. alarm_ns:
+    what is wrong with a frame is told for so long. stale_ns: silence from which the stream counts as stopped.
     """
 
     def __init__(self, window_ns: int, alarm_ns: int, stale_ns: int) -> None:
         self.waiting_for = "images"
-        self._window_ns, self._alarm_ns, self._stale_ns = window_ns, alarm_ns, stale_ns
+        self._window_ns, self._alarm_ns, self._silence = window_ns, alarm_ns, Silence(stale_ns)
         self._counts: Counter[str] = Counter()
         self._measured: deque[tuple[int, Mapping[str, float]]] = deque()
         self._problems: deque[_Problem] = deque()
-        self._alive_ns: int | None = None
         self._last = ""
 
-    def on_alive(self, now_ns: int) -> None:
+    def on_alive(self, free_ns: int) -> None:
         """A picture has come, or the news that there is none because the frame was lost."""
-        self._alive_ns = now_ns
+        self._silence.broken(free_ns)
 
     def on_frame(self, arrival: Arrival) -> None:
         """A frame that is to be measured."""
@@ -81,24 +81,24 @@ class EvaluatorStatus:
         name = _name(arrival)
         self._problem(now_ns, Level.WARN, name, f"{name}: RMSE and velocity field are skipped, many are waiting")
 
-    def level(self, now_ns: int, delay_ns: int) -> Level:
+    def level(self, now_ns: int, delay_ns: int, free_ns: int) -> Level:
         """The level that a report would have now."""
-        return max((level for level, _ in self._troubles(now_ns, delay_ns)), default=Level.OK)
+        return max((level for level, _ in self._troubles(now_ns, delay_ns, free_ns)), default=Level.OK)
 
-    def report(self, now_ns: int, delay_ns: int) -> Report:
+    def report(self, now_ns: int, delay_ns: int, free_ns: int) -> Report:
         """delay_ns: how long the oldest frame has been waiting."""
         self._forget(now_ns)
-        troubles = sorted(self._troubles(now_ns, delay_ns), key=lambda one: -one[0])
+        troubles = sorted(self._troubles(now_ns, delay_ns, free_ns), key=lambda one: -one[0])
         texts = [text for _, text in troubles]
         more = [f"and {len(texts) - _SHOWN} more"] if len(texts) > _SHOWN else []
         message = "; ".join([*texts[:_SHOWN], *more]) or f"no problem up to {self._last}"
         return Report(max((level for level, _ in troubles), default=Level.OK), message,
-                      self._values(now_ns, delay_ns))
+                      self._values(delay_ns, free_ns))
 
-    def _troubles(self, now_ns: int, delay_ns: int) -> Iterator[tuple[Level, str]]:
+    def _troubles(self, now_ns: int, delay_ns: int, free_ns: int) -> Iterator[tuple[Level, str]]:
         """Everything that is wrong now, each kind once."""
-        if self._is_stale(now_ns) and self._alive_ns is not None:
-            silence_s = (now_ns - self._alive_ns) / 1e9
+        if self._is_stale(free_ns):
+            silence_s = self._silence.ns(free_ns) / 1e9
             yield Level.ERROR, f"no image for {silence_s:.1f} s, the last was {self._last}"
         kinds: dict[tuple[Level, str], list[_Problem]] = {}
         for one in self._problems:
@@ -113,10 +113,10 @@ class EvaluatorStatus:
 
     @property
     def _is_waiting(self) -> bool:
-        return self._alive_ns is None or not self._last
+        return not (self._silence.begun and self._last)
 
-    def _is_stale(self, now_ns: int) -> bool:
-        return bool(self._last) and self._alive_ns is not None and now_ns - self._alive_ns > self._stale_ns
+    def _is_stale(self, free_ns: int) -> bool:
+        return bool(self._last) and self._silence.is_stale(free_ns)
 
     def _problem(self, now_ns: int, level: Level, frame: str, text: str) -> None:
         self._problems.append(_Problem(now_ns, level, _NUMBER.sub("", text), frame, text))
@@ -127,9 +127,9 @@ class EvaluatorStatus:
         while self._measured and now_ns - self._measured[0][0] > self._window_ns:
             self._measured.popleft()
 
-    def _values(self, now_ns: int, delay_ns: int) -> dict[str, str]:
+    def _values(self, delay_ns: int, free_ns: int) -> dict[str, str]:
         counts = self._counts
-        state = "WAITING" if self._is_waiting else "STALE" if self._is_stale(now_ns) else "MEASURING"
+        state = "WAITING" if self._is_waiting else "STALE" if self._is_stale(free_ns) else "MEASURING"
         values = {
             "state": state,
             "frames_in": counts["frames_in"],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -12,6 +12,10 @@ class Schedule:
     bag_start_ns: int
     start_ns: int
     rate: float
+
+    def resumed(self, late_ns: int) -> Schedule:
+        """The same after a stall: what should have been played meanwhile is not made up for in a burst."""
+        return replace(self, start_ns=self.start_ns + late_ns)
 
     def due_ns(self, bag_ns: int) -> int:
         """When (monotonic clock) a message of this bag time is to be published."""

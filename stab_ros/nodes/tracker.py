@@ -16,9 +16,6 @@ def _run(stop: StopRequest) -> int:
     with stop.while_importing():
         from stab_ros.nodes.runtime import run
         from stab_ros.nodes.tracker_node import TrackerNode
-        from stab_ros.nodes.warm_up import warm_up
-
-        warm_up({})  # the first time this compiles for seconds
 
     return run(TrackerNode, stop)
 

@@ -16,7 +16,9 @@ from std_srvs.srv import Trigger
 
 from stab_ros.core.config import Checked, Value, setting
 from stab_ros.core.debug import draw_debug
+from stab_ros.core.deferral import Ground
 from stab_ros.core.errors import InputError, MessageError
+from stab_ros.core.kernels import Compilation
 from stab_ros.core.memory import give_back_memory
 from stab_ros.core.parameters import PARAMETERS, check_change, table_with_preset
 from stab_ros.core.reference import SMALLEST_PX
@@ -47,7 +49,6 @@ from stab_ros.nodes.reference_file import ReferenceFile
 from stab_ros.nodes.runtime import StabNode
 from stab_ros.nodes.stamp_watch import StampWatch
 from stab_ros.nodes.tracker_status import TrackerStatus
-from stab_ros.nodes.warm_up import warm_up
 
 _LOOK_S = 0.1  # how often subscribers and publishers are looked at
 _WARN_EVERY_S = 5.0
@@ -84,6 +85,8 @@ class _Waiting:
 class TrackerNode(StabNode):
     """Answers every image with its homography to the reference, and with the image in the reference's place."""
 
+    COMPUTES = True
+
     def __init__(self) -> None:
         super().__init__("tracker_node")
         table = table_with_preset(params.given(self, "method"))
@@ -107,7 +110,7 @@ class TrackerNode(StabNode):
         self._make_outlets(lossless=self.settings.queue_depth == 0)
         self.create_service(Trigger, "~/reset_reference", self._reset_reference)
         params.LiveChanges(self, PARAMETERS, self._change)
-        self._resume()
+        self.every(1.0, self._report)
 
     def _make_outlets(self, lossless: bool) -> None:
         self.homography = Outlet(self, CameraInfo, "homography", QoSProfile(depth=100), lossless)
@@ -129,9 +132,11 @@ class TrackerNode(StabNode):
         self._file.resume(self.stabilizer)
         self._publish_references()
 
+    def on_compiling(self, so_far: Compilation) -> None:
+        self.status.waiting_for = f"kernels to be compiled, {so_far.done} of {so_far.total} are"
+
     def prepare(self) -> None:
-        warm_up(self.values)
-        self.every(1.0, self._report)
+        self._resume()
         self.every(_LOOK_S, self._look)
         self._look()
 
@@ -139,16 +144,27 @@ class TrackerNode(StabNode):
         """Starts to take images once enough subscribers listen, and follows the publishers' QoS."""
         if self.camera is not None:
             self.camera.refresh()
-        if self.stabilizer.deferring and self.status.is_stale(time.monotonic_ns()):
-            self._publish_tracks(self.stabilizer.finish())  # nothing more is coming to tell water and ground by
         if self._input is not None:
             self._input.refresh()
+            self._answer_in_silence(self._input.publishers)
         elif self.homography.subscribers >= self.settings.wait_for_subscribers:
             self._input = self._open_input()
             self.status.waiting_for = f"images on {self._input.topic}" + (" and camera_info" if self.camera else "")
             self.get_logger().info(f"ready, taking images from {self._input.topic}")
         else:
             self.status.waiting_for = f"{self.settings.wait_for_subscribers} subscribers of homography"
+
+    def _answer_in_silence(self, publishers: int) -> None:
+        """Whoever waits for the frames of a start gets them, if no more are coming to tell water and ground by."""
+        silence, free_ns = self.status.silence, self.free.ns
+        ended = publishers == 0 and silence.is_stale(free_ns)
+        tracks = self.stabilizer.pause(ended) if ended or silence.is_lasting(free_ns) else []
+        if tracks:
+            self._publish_tracks(tracks)
+            self._publish_references()
+        if tracks and self.stabilizer.deferring:
+            self._warn("provisional", f"{len(tracks)} frames were answered after {silence.ns(free_ns) / 1e9:.1f} s of "
+                       "silence, before enough was seen to tell what is ground; that is decided when images return")
 
     def _open_input(self) -> AdaptiveSubscription:
         compressed = self._image_type == COMPRESSED_IMAGE
@@ -180,7 +196,7 @@ class TrackerNode(StabNode):
                 self.status.on_dropped(1)
                 self._warn_of(Step.SAME)
                 return
-            tracks = self.stabilizer.answers(frame)
+            before, tracks = self.stabilizer.ground, self.stabilizer.answers(frame)
         except InputError as error:
             self.status.on_refused()
             self._warn("refused", f"refused an image: {error}")
@@ -189,12 +205,15 @@ class TrackerNode(StabNode):
         self._waiting[index] = _Waiting(header_of(frame), frame.size, source_ns)
         self._publish_tracks(tracks)
         self._publish_references()
+        if before is Ground.PROVISIONAL and self.stabilizer.ground is Ground.DECIDED:
+            self._warn("decided", f"what is ground was decided anew at stamp {frame.stamp_ns} ns, frames before were "
+                       f"answered by what was seen then; reset_counter is {self.stabilizer.reset_counter}")
         if tracks and tracks[-1].index == index:
             self._publish_images(frame, tracks[-1])
 
     def _count(self, frame: Frame) -> None:
         """An image that is answered: says what is odd about when it has come."""
-        gap_s = self.status.on_image(time.monotonic_ns())
+        gap_s = self.status.on_image(self.free.ns)
         if gap_s:
             self._warn("gap", f"images again after {gap_s:.1f} s without any, at stamp {frame.stamp_ns} ns")
         self._warn_of(self._stamps.take(frame.stamp_ns))
@@ -279,8 +298,9 @@ class TrackerNode(StabNode):
 
     def _report(self) -> None:
         self.status.rival, self.status.relief = self.stabilizer.rival, self.stabilizer.relief
+        self.status.ground = self.stabilizer.ground
         self.status.stamps, self.status.before = self._stamps.counts, self._gaps.before
-        report = self.status.report(time.monotonic_ns())
+        report = self.status.report(self.free.ns)
         self.report(report.level, report.message, report.values)
 
 

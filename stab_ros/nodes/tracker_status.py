@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from stab_ros.core.deferral import Ground
 from stab_ros.core.ground_choice import Rival
 from stab_ros.core.parallax import Relief
 from stab_ros.core.types import Track
 from stab_ros.io.messages import ERROR, OK, WARN
 from stab_ros.io.text import number
+from stab_ros.nodes.silence import Silence
 
 
 @dataclass(frozen=True)
@@ -22,7 +24,7 @@ class Report:
 
 
 class TrackerStatus:
-    """Counts what happens to frames. Times are of one monotonic clock, ns."""
+    """Counts what happens to frames. Times are of the node's free time, ns."""
 
     def __init__(self, method: str, stale_ns: int) -> None:
         self.method = method
@@ -31,19 +33,18 @@ class TrackerStatus:
         self.relief: Relief | None = None  # what shows that the ground is no plane
         self.stamps: Mapping[str, str] = {}  # counts of odd ones
         self.before = 0  # images published before the first that reached us
-        self._stale_ns = stale_ns
+        self.ground = Ground.UNDECIDED
+        self.silence = Silence(stale_ns)
         self._received = self._tracked = self._lost = self._dropped = self._refused = 0
         self._remarks: dict[str, str] = {}  # by kind, until the next report
         self._latency_ns = 0
         self._track: Track | None = None
-        self._last_ns: int | None = None
 
-    def on_image(self, now_ns: int) -> float:
-        """An image that is answered, now or later. Seconds since the one before if that is too long, else 0."""
-        gap_s = (now_ns - (self._last_ns or 0)) / 1e9 if self.is_stale(now_ns) else 0.0
+    def on_image(self, free_ns: int) -> float:
+        """An image that is answered, now or later. Seconds without any before if that was too long, else 0."""
+        stale, silent_ns = self.silence.is_stale(free_ns), self.silence.broken(free_ns)
         self._received += 1
-        self._last_ns = now_ns
-        return gap_s
+        return silent_ns / 1e9 if stale else 0.0
 
     def on_track(self, track: Track, latency_ns: int) -> None:
         """An answer. latency_ns: from the image's publication to that of its homography."""
@@ -64,31 +65,27 @@ class TrackerStatus:
         """What the next report tells, once; of each kind the last."""
         self._remarks[kind] = text
 
-    def report(self, now_ns: int) -> Report:
+    def report(self, free_ns: int) -> Report:
         """The status since the last report."""
-        state = self._state(now_ns)
+        state = self._state(free_ns)
         level = {"TRACKED": OK, "STALE": ERROR}.get(state, WARN)
-        message = self._message(state, now_ns)
+        message = self._message(state, free_ns)
         remarks, self._remarks = self._remarks, {}
         for remark in (self.rival, self.relief, *remarks.values()):
             if remark is not None:
                 level, message = max(level, WARN), f"{message}; {remark}"
         return Report(level, message, self._values(state))
 
-    def is_stale(self, now_ns: int) -> bool:
-        """Whether images came, but none for too long."""
-        return self._last_ns is not None and now_ns - self._last_ns > self._stale_ns
-
-    def _state(self, now_ns: int) -> str:
+    def _state(self, free_ns: int) -> str:
         if self._track is None:
             return "WAITING"
-        return "STALE" if self.is_stale(now_ns) else self._track.state.value
+        return "STALE" if self.silence.is_stale(free_ns) else self._track.state.value
 
-    def _message(self, state: str, now_ns: int) -> str:
+    def _message(self, state: str, free_ns: int) -> str:
         if state == "WAITING":
             return f"waiting for {self.waiting_for}"
-        if state == "STALE" and self._last_ns is not None:
-            return f"no image for {(now_ns - self._last_ns) / 1e9:.1f} s"
+        if state == "STALE":
+            return f"no image for {self.silence.ns(free_ns) / 1e9:.1f} s"
         return state.lower()
 
     def _values(self, state: str) -> dict[str, str]:
@@ -109,6 +106,7 @@ class TrackerStatus:
             "sigma_px": number(track.sigma_px if track else None),
             "latency_ms": f"{self._latency_ns / 1e6:.3f}" if track else "",
             "reset_counter": str(track.reset_counter if track else 0),
+            "ground": self.ground.value,
             "rival_share": number(self.rival.share if self.rival else None),
             "parallax_px": number(self.relief.px if self.relief else None),
             "parallax_deg": number(self.relief.deg if self.relief else None),

@@ -80,10 +80,13 @@ def test_a_looped_recording_through_tracker_and_evaluator(graph: Graph, flight: 
         (shot,) = (one for one in flight if one.stamp_ns == stamp)
         found = np.array(answers[number].r).reshape(3, 3)
         assert error_px(found, shot) < 0.15, f"answer {number} has drifted"
-    played = [one for one in reports if one.status[0].name == "bag_player_node"]
-    told = {pair.key: int(pair.value) for pair in played[-1].status[0].values}
-    assert told["messages"] >= 2 * len(answers)  # /height too
-    assert told["rounds"] > 5
+
+    def played() -> dict[str, int]:
+        told = [one for one in reports if one.status[0].name == "bag_player_node"]
+        return {pair.key: int(pair.value) for pair in told[-1].status[0].values}
+
+    graph.until(lambda: played()["messages"] >= 2 * len(answers), "the player's last report")  # /height too
+    assert played()["rounds"] > 5
 
 
 def test_a_simulated_clock_that_nobody_tells(graph: Graph, flight: list[Shot]) -> None:

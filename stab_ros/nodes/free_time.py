@@ -1,0 +1,18 @@
+"""A clock that goes only while a node is free and nothing is there for it to do: what silence is measured by."""
+
+from __future__ import annotations
+
+
+class FreeTime:
+    """ns: how long the node has waited so far.
+
+    While a callback runs it stands still, however long that takes: messages may be waiting meanwhile. And a wait counts
+    for no more than it was meant to last: a process that was stopped, or got no CPU, was not free.
+    """
+
+    def __init__(self) -> None:
+        self.ns = 0
+
+    def waited(self, elapsed_ns: int, most_ns: int) -> None:
+        """A wait that has ended by itself or by something to do. most_ns: how long it was meant to last."""
+        self.ns += max(0, min(elapsed_ns, most_ns))
