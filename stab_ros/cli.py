@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import argparse
 import os
-import shutil
 import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, redirect_stderr
+from contextlib import ExitStack, contextmanager, redirect_stderr
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -98,7 +97,7 @@ def _add_stabilize(commands: Any) -> None:
 
 def _stabilize(options: argparse.Namespace) -> int:
     from stab_ros.core.parameters import checked_values
-    from stab_ros.io.compiling import shown
+    from stab_ros.io.compiling import Shown
     from stab_ros.io.engine import read_config
     from stab_ros.io.offline import Job, stabilize
 
@@ -106,8 +105,8 @@ def _stabilize(options: argparse.Namespace) -> int:
     values |= checked_values(dict(options.parameters))
     job = Job(options.input, options.output, values, options.image_topic, options.homographies, options.video,
               not options.no_image, options.keep_raw, options.limit, options.fps, options.force)
-    with _quiet_libraries(), _progress("frames") as progress, shown() as compiling:
-        summary = stabilize(job, progress, compiling)
+    with _quiet_libraries(), _progress("frames") as progress:
+        summary = stabilize(job, progress, Shown())
     _warn(summary.warnings)
     print(f"{summary.frames} frames: {summary.tracked} tracked, {summary.lost} lost, "
           f"{summary.frames / summary.duration_s:.1f} frames/s")
@@ -140,7 +139,7 @@ def _add_evaluate(commands: Any) -> None:
 
 def _evaluate(options: argparse.Namespace) -> int:
     from stab_ros.core.parameters import EVALUATOR_PARAMETERS, checked_values
-    from stab_ros.io.compiling import shown
+    from stab_ros.io.compiling import Shown
     from stab_ros.io.engine import EVALUATOR, read_config
     from stab_ros.io.evaluation import EvaluationJob, evaluate
     from stab_ros.io.evaluation_outputs import writers_of
@@ -153,8 +152,8 @@ def _evaluate(options: argparse.Namespace) -> int:
     job = EvaluationJob(options.bag, values, tuple(options.image_topics), options.limit, options.fps)
     outputs = ResultOutputs(options.json, options.csv, options.report)
     outputs.check(job.source, options.force)
-    with _quiet_libraries(), _progress("frames") as progress, shown() as compiling:
-        evaluation = evaluate(job, progress, compiling)
+    with _quiet_libraries(), _progress("frames") as progress:
+        evaluation = evaluate(job, progress, Shown())
     _warn(evaluation.warnings)
     print(as_text(evaluation))
     with _quiet_libraries(), _progress("frames") as progress:
@@ -212,10 +211,10 @@ def _compare_methods(job: ComparisonJob, outputs: ResultOutputs) -> int:
     from stab_ros.io.comparison import compare
     from stab_ros.io.comparison_outputs import writers_of
     from stab_ros.io.comparison_text import as_text
-    from stab_ros.io.compiling import shown
+    from stab_ros.io.compiling import Shown
 
-    with _quiet_libraries(), _progress("frames") as progress, shown() as compiling:
-        comparison = compare(job, progress, compiling)
+    with _quiet_libraries(), _progress("frames") as progress:
+        comparison = compare(job, progress, Shown())
     _warn(comparison.warnings)
     print(as_text(comparison))
     with _quiet_libraries(), _progress("frames") as progress:
@@ -226,11 +225,11 @@ def _compare_methods(job: ComparisonJob, outputs: ResultOutputs) -> int:
 
 def _study(kind: str, job: ComparisonJob, outputs: ResultOutputs) -> int:
     from stab_ros.io.comparison_study import check_outputs, run_study, study_text, write_study
-    from stab_ros.io.compiling import shown
+    from stab_ros.io.compiling import Shown
 
     check_outputs(job, outputs)
-    with _quiet_libraries(), _progress("frames") as progress, shown() as compiling:
-        study = run_study(kind, job, progress, compiling)
+    with _quiet_libraries(), _progress("frames") as progress:
+        study = run_study(kind, job, progress, Shown())
     _warn(study.warnings)
     print(study_text(study))
     if outputs.json is not None:
@@ -373,13 +372,15 @@ def _needs_ros(command: str) -> Iterator[None]:
 
 @contextmanager
 def _progress(unit: str) -> Iterator[Callable[[int, int | None], None]]:
-    """Shows how many are done, a second's rate and the time left; only on a terminal."""
-    from tqdm import tqdm
+    """Shows how many are done, a second's rate and the time left, from the first one on; only on a terminal."""
+    from stab_ros.io.bars import make_bar
 
-    columns, lines = shutil.get_terminal_size()  # where a terminal says 0, tqdm alone would show nothing
-    with tqdm(unit=f" {unit}", ncols=min(100, columns), nrows=lines, disable=None, leave=False) as bar:
+    with ExitStack() as bars:
+        bar = None
 
         def show(done: int, total: int | None) -> None:
+            nonlocal bar
+            bar = bar or bars.enter_context(make_bar(unit))
             bar.total = total
             bar.update(done - bar.n)
 
