@@ -14,7 +14,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 .DELETE_ON_ERROR:
 
 help:
-	@echo "make demo    replay the recorded flight through the live nodes, show the result and its error"
+	@echo "make demo    replay the recorded flight through the live nodes, show the result and its error; RATE=0.1: slower"
 	@echo "make test    lint, type check and tests"
 	@echo "make faults  what must be survived: killed nodes, full disks, hostile bytes, cut links (as root, all of it)"
 	@echo "make soak    an hour of 1080p at 25 frames/s: memory, latency, and every frame accounted for"
@@ -27,7 +27,7 @@ help:
 install: $(INSTALLED)
 
 demo: $(INSTALLED)
-	@$(PY) -m stab_ros.demo
+	@$(PY) -m stab_ros.demo $(if $(RATE),--rate '$(RATE)')
 
 test: export ROS_PYTHON_CHECK_FIELDS := 1
 test: lint
@@ -69,8 +69,9 @@ fi
 endef
 
 $(INSTALLED): setup.py
-	@$(FIND_PYTHON); \
-	$(PY) -m pip --version >/dev/null 2>&1 || "$$found" -m venv --clear $(VENV)
-	@echo "Setting up $(VENV) with $$($(PY) --version); the first time this fetches about 240 MB."
-	$(PY) -m pip install --editable '.[test]'
-	@touch $@
+	@started_s=$$(date +%s); \
+	$(FIND_PYTHON); \
+	$(PY) -m pip --version >/dev/null 2>&1 || "$$found" -m venv --clear $(VENV) || exit; \
+	echo "install   $(VENV) with $$($(PY) --version); the first time this fetches about 240 MB ..."; \
+	$(PY) -m pip install --editable '.[test]' && $(VENV)/bin/stab-ros warm-up && touch $@ && \
+	echo "install   done, with the inner loops compiled  $$(($$(date +%s) - started_s)) s"

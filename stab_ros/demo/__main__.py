@@ -1,22 +1,26 @@
-"""Replays bags/sample.mcap through the live nodes and shows the result: `python -m stab_ros.demo [FOLDER]`.
+"""Replays bags/sample.mcap through the live nodes and shows the result: `python -m stab_ros.demo [FOLDER] [--rate R]`.
 
-Exit codes: 0 done, 1 frames were lost or a node failed, 2 the sample is not there, 130 interrupted.
+Exit codes: 0 all that is promised holds, 1 something does not or a node failed, 2 the sample is not there or the usage
+is wrong, 130 interrupted.
 """
 
 from __future__ import annotations
 
-import argparse
 import signal
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 
 from stab_ros.core.errors import InputError, StabRosError, WorkError
-from stab_ros.demo.judgement import judge
-from stab_ros.demo.pictures import show
-from stab_ros.demo.replay import replay
-from stab_ros.demo.result import Result, compare, read_answers, write_table
+from stab_ros.core.kernels import compile_kernels
+from stab_ros.demo.replay import Replay, replay
+from stab_ros.demo.stages import stage
+from stab_ros.demo.verdict import Files, Verdict, reach
+from stab_ros.io.compiling import Shown
 from stab_ros.io.homographies import read_homographies
+from stab_ros.io.text import one_line
+from stab_ros.options import Parser, positive_float
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample.mcap"
 TRUTH = SAMPLE.with_name("sample_truth.csv")
@@ -26,54 +30,73 @@ DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the demo and gives its exit code."""
-    parser = argparse.ArgumentParser(prog="python -m stab_ros.demo", description="Shows the main job at work.")
+    parser = Parser(prog="python -m stab_ros.demo", description="Shows the main job at work.")
     parser.add_argument("folder", nargs="?", type=Path, default=Path("demo_output"), help="where the results go")
-    folder = parser.parse_args(arguments).folder
+    parser.add_argument("--rate", type=positive_float, default=1.0, metavar="R",
+                        help="how fast the flight is played, times real time (default: 1); changes no result")
+    options = parser.parse_args(arguments)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: the nodes must not outlive us
     try:
-        print(run(folder))
+        return _tell(run(options.folder, options.rate))
     except StabRosError as error:
-        print(f"demo: {error}", file=sys.stderr)
+        _say(str(error))
         return BAD_INPUT if isinstance(error, InputError) else FAILED
     except OSError as error:
-        print(f"demo: {error.filename}: {error.strerror}", file=sys.stderr)
+        _say(f"{error.filename}: {error.strerror}")
         return FAILED
     except KeyboardInterrupt:
-        print("demo: interrupted", file=sys.stderr)
+        _say("interrupted")
         return INTERRUPTED
-    return DONE
 
 
-def run(folder: Path) -> str:
-    """Everything, into `folder`; what to tell about it.
+def run(folder: Path, rate: float) -> Verdict:
+    """Everything, into `folder`.
 
     Raises:
-        InputError: the sample cannot be read. WorkError: a node failed, or frames were lost.
+        InputError: the sample cannot be read, or the rate be played. WorkError: a node failed and left no bag.
     """
-    truth = read_homographies(TRUTH)
-    bag, table, errors = folder / "stabilized.mcap", folder / "H.csv", folder / "errors.txt"
+    truth, files = read_homographies(TRUTH), Files(folder)
+    job = Replay(SAMPLE, len(truth), files.bag, files.log, rate, SCALE)
     folder.mkdir(parents=True, exist_ok=True)
-    replay(SAMPLE, bag, folder / "log", len(truth), SCALE)
-    answers = read_answers(bag)
-    write_table(table, truth, answers)
-    result = compare(truth, answers)
-    errors.write_text(result.text() + "\n", encoding="utf-8")
-    check_complete(result, folder)
-    video, picture = show(SAMPLE, bag, folder)
-    judgement = judge(bag, folder / "report", SCALE)
-    made = {"stabilised bag": bag, "homographies": table, "errors": errors, "video": video, "picture": picture,
-            "report": judgement.report}
-    return "\n".join([result.text(), "", judgement.text(), "",
-                      *(f"{what:<16}{path}" for what, path in made.items())])
+    files.remove()
+    with stage("compile", "the inner loops, once after an installation or a change") as current:
+        current.outcome = _compile()
+    with stage("replay", f"{SAMPLE.name} through player, tracker, evaluator and recorder, {rate:g} times real "
+               f"time") as current:
+        current.outcome, broken = _replay(job)
+    if broken and not files.bag.exists():
+        raise WorkError(broken)
+    with stage("judge", "the answers beside the truth and the command's; makes video and report") as current:
+        verdict = reach(SAMPLE, truth, files, SCALE, broken)
+        current.outcome = f"{sum(not check.failure for check in verdict.checks)} of {len(verdict.checks)} promises hold"
+    return verdict
 
 
-def check_complete(result: Result, folder: Path) -> None:
-    """Raises WorkError if a frame was not answered, was lost, or its picture is missing."""
-    complete = result.frames == result.answered == result.tracked
-    if not complete or result.images != result.frames - result.deferred:
-        raise WorkError(f"of {result.frames} frames {result.answered} were answered, {result.tracked} tracked and "
-                        f"{result.images} came out as pictures, it must be all of them, and pictures of all but the "
-                        f"{result.deferred} that were answered late; see {folder / 'log'}")
+def _compile() -> str:
+    """Before the nodes start, each of which would else do it on its own."""
+    import_module("stab_ros.io.engine")  # which needs all of them
+    done = compile_kernels(Shown())
+    return f"{done.total} kernels, {done.compiled} of them new"
+
+
+def _replay(job: Replay) -> tuple[str, str]:
+    """What came of it, and why it broke off, empty if it did not: what was recorded is judged all the same."""
+    try:
+        return f"{replay(job)} of {job.frames} frames answered and measured", ""
+    except WorkError as error:
+        return "broke off", str(error)
+
+
+def _tell(verdict: Verdict) -> int:
+    print(f"\n{verdict.text()}\n", flush=True)
+    for failure in verdict.failures:
+        _say(failure)
+    print(verdict.what_to_open(), flush=True)
+    return FAILED if verdict.failures else DONE
+
+
+def _say(line: str) -> None:
+    print("demo:", one_line(line), file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

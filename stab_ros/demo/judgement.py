@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tqdm import tqdm
-
 from stab_ros.core.config import Value
-from stab_ros.core.errors import WorkError
+from stab_ros.core.errors import InputError
 from stab_ros.core.frame_metrics import UNITS
-from stab_ros.demo.replay import METRICS, STABILIZED
-from stab_ros.demo.result import status_values
+from stab_ros.demo.replay import METRICS, RAW, STABILIZED
+from stab_ros.demo.stages import bar
 from stab_ros.io.bag import open_bag
 from stab_ros.io.evaluation import Evaluation, EvaluationJob, TopicEvaluation, evaluate
 from stab_ros.io.evaluation_outputs import writers_of
-from stab_ros.io.messages import read_stamp
+from stab_ros.io.messages import read_stamp, read_values
 from stab_ros.io.result_outputs import ResultOutputs
 from stab_ros.io.text import number
 
@@ -27,48 +25,50 @@ _SHOWN = ("displacement_reference_px", "displacement_previous_px", "rmse_referen
 
 @dataclass(frozen=True)
 class Judgement:
-    """live_difference: the largest between live and command, over all measures of all frames."""
+    """live_difference: the largest between live and command, of any measure. unmeasured: frames without live ones."""
 
     evaluation: Evaluation
     live_difference: float
+    unmeasured: Sequence[int]
     report: Path
 
     def text(self) -> str:
         """A few lines to read."""
-        raw, steady = self.evaluation.topics
+        raw, steady = (_of(self.evaluation, name) for name in (RAW, STABILIZED))
         title = f"{'how still it stands, median':<32}{'as recorded':>14}{'stabilised':>14}"
-        rows = [f"{name:<32}{_median(raw, name):>14}{_median(steady, name):>14}" for name in _SHOWN]
-        differ = f"live and from the bag, the measures differ by {self.live_difference:g} at most"
-        return "\n".join([title, *rows, differ])
+        rows = (f"{name:<32}{_median(raw, name):>14}{_median(steady, name):>14}" for name in _SHOWN)
+        return "\n".join([title, *rows])
 
 
 def judge(bag: Path, folder: Path, values: Mapping[str, Value]) -> Judgement:
     """Evaluates the bag that was recorded, compares, and writes the report into `folder`.
 
     Raises:
-        WorkError: a frame has no measures from the live evaluator.
+        InputError: there is nothing to judge in it. WorkError: the report cannot be written.
     """
     job = EvaluationJob(bag, values)
-    with tqdm(unit=" frames", desc="evaluate", disable=None) as bar:
-
-        def show(done: int, total: int | None) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
-
-        evaluation = evaluate(job, show)
+    with bar("evaluate") as progress:
+        evaluation = evaluate(job, progress)
     writers = writers_of(evaluation, job, lambda _done, _total: None)
     report = ResultOutputs(report=folder).write(writers)["report"]
-    return Judgement(evaluation, _difference(bag, evaluation), report)
+    return Judgement(evaluation, *_live(bag, _of(evaluation, STABILIZED)), report)
 
 
-def _difference(bag: Path, evaluation: Evaluation) -> float:
+def _of(evaluation: Evaluation, name: str) -> TopicEvaluation:
+    found = [topic for topic in evaluation.topics if topic.topic == name]
+    if not found:
+        raise InputError(f"{evaluation.source}: holds no pictures of {name}, so how still they stand cannot be told")
+    return found[0]
+
+
+def _live(bag: Path, steady: TopicEvaluation) -> tuple[float, list[int]]:
+    """The largest difference of any measure, and the frames that have none."""
     with open_bag(bag) as reader:
-        live = {read_stamp(message.data): status_values(message.data) for message in reader.messages({METRICS})}
-    (steady,) = (topic for topic in evaluation.topics if topic.topic == STABILIZED)
-    missing = [row.frame for row in steady.rows if row.stamp_ns not in live]
-    if missing:
-        raise WorkError(f"{bag}: the evaluator gave no measures of frame {missing[0]}")
-    return max(_apart(live[row.stamp_ns].get(name, ""), number(row[name])) for row in steady.rows for name in UNITS)
+        live = {read_stamp(message.data): read_values(message.data)
+                for message in reader.messages({METRICS} & set(reader.topics))}
+    both = [(live[row.stamp_ns], row) for row in steady.rows if row.stamp_ns in live]
+    differences = (_apart(values.get(name, ""), number(row[name])) for values, row in both for name in UNITS)
+    return max(differences, default=0.0), [row.frame for row in steady.rows if row.stamp_ns not in live]
 
 
 def _apart(one: str, other: str) -> float:

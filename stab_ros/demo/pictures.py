@@ -26,7 +26,7 @@ def show(recording: Path, stabilized: Path, folder: Path) -> tuple[Path, Path]:
     """Writes before_after.mp4 and before_after.png.
 
     Raises:
-        WorkError: they cannot be written.
+        WorkError: they cannot be written, or there is no picture.
     """
     video, picture = folder / "before_after.mp4", folder / "before_after.png"
     before, after = _Stack(), _Stack()
@@ -38,6 +38,8 @@ def show(recording: Path, stabilized: Path, folder: Path) -> tuple[Path, Path]:
             after.add(steady.image)
             both = np.hstack([_titled(raw.image, "as recorded"), _titled(steady.image, "stabilised")])
             writer.write(Frame(both, "bgr8", raw.stamp_ns), both)
+    if not after.count:
+        raise WorkError(f"{stabilized}: holds no picture of {STABILIZED}, so there is nothing to show")
     if not cv2.imwrite(str(picture), _four_parts(before, after)):
         raise WorkError(f"{picture}: cannot be written")
     return video, picture
@@ -67,8 +69,12 @@ class _Stack:
         self._sum = self._sum + image[_MEAN]
         self._lines.append(image[_SLICE_ROWS, _SLICE_X].copy())
 
+    @property
+    def count(self) -> int:
+        return len(self._lines)
+
     def mean(self) -> Image:
-        return np.asarray(np.round(self._sum / len(self._lines)), np.uint8)
+        return np.asarray(np.round(self._sum / self.count), np.uint8)
 
     def over_time(self) -> Image:
         return np.stack(self._lines, axis=1)

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
 
 import numpy as np
-from rosbags.typesys.stores import ros2_jazzy as ros
 
 from stab_ros.core.geometry import rms_distance
 from stab_ros.core.stabilizer import StabilizerConfig
@@ -16,7 +14,7 @@ from stab_ros.core.types import FloatArray, Homography, State, Track
 from stab_ros.demo.replay import HOMOGRAPHY, STABILIZED, TRACK
 from stab_ros.io.bag import open_bag
 from stab_ros.io.homographies import HomographyRow, HomographyWriter
-from stab_ros.io.messages import CAMERA_INFO, DIAGNOSTIC_ARRAY, read_homography, read_stamp, typestore
+from stab_ros.io.messages import read_homography, read_size, read_stamp, read_values
 
 _START_NS = round(StabilizerConfig().start_s * 1e9)
 
@@ -33,23 +31,35 @@ class Answers:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """How many frames there were and what became of them; errors in px, RMS over the 9x9 grid, of the tracked ones.
+    """What became of the frames, by their numbers; errors in px, RMS over the 9x9 grid, of those that are compared.
 
-    deferred: those that are answered late, without a picture: the start.
+    late: those that the start answers late, without a picture. at_once: tracked, and not late; they have pictures, but
+    those `without_picture`.
     """
 
     frames: int
-    deferred: int
-    answered: int
-    tracked: int
-    images: int
+    late: Sequence[int]
+    unanswered: Sequence[int]
+    lost: Sequence[int]
+    at_once: Sequence[int]
+    without_picture: Sequence[int]
+    pictures: int
+    compared: Sequence[int]
     motion_px: FloatArray
     error_px: FloatArray
 
+    @property
+    def answered(self) -> int:
+        return self.frames - len(self.unanswered)
+
+    @property
+    def tracked(self) -> int:
+        return self.answered - len(self.lost)
+
     def text(self) -> str:
         """A few lines to read."""
-        head = f"{self.answered} of {self.frames} frames answered, {self.tracked} tracked, {self.images} pictures "
-        head += f"(none of the start, {self.deferred} frames)"
+        head = f"{self.answered} of {self.frames} frames answered, {self.tracked} tracked, {self.pictures} pictures "
+        head += f"(none of the start, {len(self.late)} frames)"
         title = f"{'distance to the truth, px':<28}{'median':>9}{'95 %':>9}{'max':>9}"
         rows = (("as recorded", self.motion_px), ("stabilised", self.error_px))
         return "\n".join([head, "", title, *(f"{name:<28}{_statistics(values)}" for name, values in rows)])
@@ -76,38 +86,39 @@ def read_answers(path: Path) -> Answers:
             if message.topic == HOMOGRAPHY:
                 stamp_ns, ref_H_cur = read_homography(message.data)
                 homographies[stamp_ns] = ref_H_cur
-                size = _reference_size(message.data)
+                size = read_size(message.data) or size
             elif message.topic == TRACK:
-                tracks[read_stamp(message.data)] = status_values(message.data)
+                tracks[read_stamp(message.data)] = read_values(message.data)
             else:
                 images.add(read_stamp(message.data))
     return Answers(homographies, tracks, frozenset(images), size)
 
 
-def _reference_size(cdr: bytes) -> tuple[int, int]:
-    message = cast(ros.sensor_msgs__msg__CameraInfo, typestore().deserialize_cdr(cdr, CAMERA_INFO))
-    return message.width, message.height
-
-
-def status_values(cdr: bytes) -> Mapping[str, str]:
-    """The keys and values of a DiagnosticArray with one status."""
-    message = cast(ros.diagnostic_msgs__msg__DiagnosticArray, typestore().deserialize_cdr(cdr, DIAGNOSTIC_ARRAY))
-    return {item.key: item.value for item in message.status[0].values}
-
-
 def compare(truth: Sequence[HomographyRow], answers: Answers) -> Result:
     """Joined by stamp; the reference frame itself has no error and does not count."""
-    pairs = [(row.ref_H_cur, answers.homographies.get(row.stamp_ns)) for row in truth]
-    known = [(true, found) for true, found in pairs[1:] if true is not None and found is not None]
+    found, size = answers.homographies, answers.size
+    known = [(row.frame, row.ref_H_cur, ref_H_cur) for row in truth[1:]
+             if row.ref_H_cur is not None and (ref_H_cur := found.get(row.stamp_ns)) is not None]
+    late = [row.frame for row in truth if _is_late(row, truth[0], answers)]
+    at_once = [row for row in truth if found.get(row.stamp_ns) is not None and row.frame not in late]
     return Result(
         frames=len(truth),
-        deferred=sum(0 < row.stamp_ns - truth[0].stamp_ns < _START_NS for row in truth),
-        answered=sum(row.stamp_ns in answers.homographies for row in truth),
-        tracked=sum(found is not None for _, found in pairs),
-        images=sum(row.stamp_ns in answers.images for row in truth),
-        motion_px=np.array([rms_distance(np.eye(3), true, answers.size) for true, _ in known]),
-        error_px=np.array([rms_distance(found, true, answers.size) for true, found in known]),
+        late=late,
+        unanswered=[row.frame for row in truth if row.stamp_ns not in found],
+        lost=[row.frame for row in truth if row.stamp_ns in found and found[row.stamp_ns] is None],
+        at_once=[row.frame for row in at_once],
+        without_picture=[row.frame for row in at_once if row.stamp_ns not in answers.images],
+        pictures=sum(row.stamp_ns in answers.images for row in truth),
+        compared=[frame for frame, _, _ in known],
+        motion_px=np.array([rms_distance(np.eye(3), true, size) for _, true, _ in known]),
+        error_px=np.array([rms_distance(ref_H_cur, true, size) for _, true, ref_H_cur in known]),
     )
+
+
+def _is_late(row: HomographyRow, first: HomographyRow, answers: Answers) -> bool:
+    """Whether a frame belongs to the start: by its stamp and that of the reference which the tracker has named."""
+    reference_ns = int(answers.tracks.get(row.stamp_ns, {}).get("reference_stamp_ns") or first.stamp_ns)
+    return 0 < row.stamp_ns - reference_ns < _START_NS
 
 
 def write_table(path: Path, truth: Sequence[HomographyRow], answers: Answers) -> None:

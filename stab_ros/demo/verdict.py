@@ -1,0 +1,118 @@
+"""All that came of a replay: files to look at, which promises held, and what to open first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from stab_ros.core.config import Value
+from stab_ros.core.errors import StabRosError
+from stab_ros.demo.checks import Check, checks, judging_check
+from stab_ros.demo.command import apart, as_command
+from stab_ros.demo.judgement import Judgement, judge
+from stab_ros.demo.pictures import show
+from stab_ros.demo.result import Result, compare, read_answers, write_table
+from stab_ros.io.homographies import HomographyRow
+
+
+@dataclass(frozen=True)
+class Files:
+    """Where everything goes."""
+
+    folder: Path
+
+    @property
+    def bag(self) -> Path:
+        return self.folder / "stabilized.mcap"
+
+    @property
+    def log(self) -> Path:
+        return self.folder / "log"
+
+    @property
+    def errors(self) -> Path:
+        return self.folder / "errors.txt"
+
+    @property
+    def report(self) -> Path:
+        return self.folder / "report" / "index.html"
+
+    @property
+    def all(self) -> Mapping[str, Path]:
+        """What there is to look at, by what it is."""
+        named = {"homographies": "H.csv", "the command's": "H_command.csv", "video": "before_after.mp4",
+                 "picture": "before_after.png"}
+        return {"stabilised bag": self.bag, **{what: self.folder / name for what, name in named.items()},
+                "errors": self.errors, "report": self.report}
+
+    def remove(self) -> None:
+        """What an earlier run has left must not be taken for this one's."""
+        for path in self.all.values():
+            path.unlink(missing_ok=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """broken: what else went wrong, one line each."""
+
+    files: Files
+    result: Result
+    judgement: Judgement | None
+    checks: Sequence[Check]
+    broken: Sequence[str]
+
+    @property
+    def failures(self) -> list[str]:
+        """A line for everything that did not hold; empty if all is well."""
+        return [*self.broken, *(check.failure for check in self.checks if check.failure)]
+
+    def text(self) -> str:
+        """What was measured, what was promised, and which files there are."""
+        made = [f"{what:<16}{path}" for what, path in self.files.all.items() if path.exists()]
+        judged = [self.judgement.text(), ""] if self.judgement else []
+        return "\n".join([self.result.text(), "", *judged, *(check.text() for check in self.checks), "", *made])
+
+    def what_to_open(self) -> str:
+        """Two lines, the last ones."""
+        video = self.files.all["video"]
+        if self.failures:
+            return (f"open first: {self.files.errors} (what did not hold), then\n"
+                    f"            {self.files.log} (what the nodes said)")
+        return (f"open first: {self.files.report} (how still it stands), then\n"
+                f"            {video} (as recorded and stabilised, side by side)")
+
+
+def reach(recording: Path, truth: Sequence[HomographyRow], files: Files, judging: Mapping[str, Value],
+          broken: str) -> Verdict:
+    """Judges what was recorded; what cannot be made because of what is missing in it is told, and the rest is made.
+
+    judging: parameters of the evaluator. broken: why the replay broke off; empty if it did not.
+
+    Raises:
+        InputError: the bag cannot be read. WorkError: a table cannot be written.
+    """
+    answers = read_answers(files.bag)
+    write_table(files.all["homographies"], truth, answers)
+    result, troubles = compare(truth, answers), [broken] if broken else []
+    command = apart(as_command(recording, files.all["the command's"]), answers)
+    found, judgement = [*checks(result, answers, command, files.folder)], None
+    with _noted(troubles):
+        show(recording, files.bag, files.folder)
+    with _noted(troubles):
+        judgement = judge(files.bag, files.report.parent, judging)
+        found.append(judging_check(judgement, files.log))
+    verdict = Verdict(files, result, judgement, found, troubles)
+    lines = [result.text(), "", *(check.text() for check in found), "", *verdict.failures]
+    files.errors.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return verdict
+
+
+@contextmanager
+def _noted(troubles: list[str]) -> Iterator[None]:
+    """What breaks off in here is added to `troubles`."""
+    try:
+        yield
+    except StabRosError as error:
+        troubles.append(str(error))
