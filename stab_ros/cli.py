@@ -380,7 +380,7 @@ def _progress(unit: str) -> Iterator[Callable[[int, int | None], None]]:
 
         def show(done: int, total: int | None) -> None:
             nonlocal bar
-            bar = bar or bars.enter_context(make_bar(unit))
+            bar = bar or bars.enter_context(make_bar(unit, total=total))
             bar.total = total
             bar.update(done - bar.n)
 

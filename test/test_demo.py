@@ -83,7 +83,7 @@ def test_demo_says_what_it_does_what_holds_and_what_to_open_first(demo: Demo) ->
 
 
 def test_the_rate_of_the_player_changes_nothing(demo: Demo, tmp_path: Path) -> None:
-    done = run(tmp_path, "--rate", "0.5")
+    done = run(tmp_path, "--rate", "4")
     assert (done.returncode, done.stderr) == (0, "")
     assert np.abs(homographies(tmp_path) - homographies(demo[0])).max() <= 1e-9
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import signal
+import subprocess
+import sys
 import time
 from functools import cache
 from pathlib import Path
@@ -20,6 +22,20 @@ from stab_ros.core.types import FloatArray, Frame
 from stab_ros.io.engine import make_stabilizer
 
 FRAMES = 32
+COMPOSED = """
+import rclpy
+from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
+from stab_ros.nodes.tracker_node import TrackerNode
+
+rclpy.init(args=["--ros-args", "-p", "queue_depth:=0", "-p", "stale_s:=0.3", "-p", "wait_for_subscribers:=1"])
+node, executor = TrackerNode(), MultiThreadedExecutor(2)
+node.prepare()
+executor.add_node(node)
+try:
+    executor.spin()
+except (KeyboardInterrupt, ExternalShutdownException):
+    pass
+"""
 
 
 @cache
@@ -142,3 +158,20 @@ def test_a_silence_that_lasts_is_answered_with_a_doubt_and_the_start_goes_on(gra
         early = 0 < number < 6
         assert values_of(track)["provisional"] == str(early).lower()
         assert error_px < (3 * float(values_of(track)["sigma_px"]) if early else 0.15)
+
+
+def test_a_tracker_in_an_executor_of_somebody_else(graph: Graph) -> None:
+    """As in a process that composes nodes: silence is noticed by the node's own timers."""
+    answers = graph.listen(CameraInfo, "/homography", 500)
+    reports = graph.listen(DiagnosticArray, "/diagnostics")
+    with subprocess.Popen([sys.executable, "-c", COMPOSED], env=graph.environment) as process:
+        try:
+            images: Any = graph.speak(Image, "/image_raw", 300)
+            for shot in shots():
+                images.publish(image_message(shot.image, shot.stamp_ns))
+            graph.until(lambda: len(answers) == FRAMES, "every frame answered")
+            graph.until(lambda: values_of(reports[-1])["state"] == "STALE", "the silence being noticed")
+        finally:
+            process.send_signal(signal.SIGINT)
+    for answer, H in zip(answers, by_the_engine(), strict=True):
+        np.testing.assert_allclose(np.reshape(answer.r, (3, 3)), H, rtol=0, atol=1e-9)

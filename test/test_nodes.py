@@ -99,6 +99,15 @@ def test_time_is_free_only_while_nothing_is_to_be_done() -> None:
     assert free.ns == 13
 
 
+def test_timers_stand_for_waits_where_nobody_tells_of_any() -> None:
+    free = FreeTime()
+    free.ticked(100)
+    assert free.ns == 100
+    free.waited(7, 10)
+    free.ticked(100)
+    assert free.ns == 107
+
+
 def test_silence_of_a_stream() -> None:
     silence = Silence(stale_ns=2 * SECOND_NS)
     assert not silence.begun
@@ -114,6 +123,8 @@ def test_a_slow_stream_is_given_more_time() -> None:
         silence.broken(at_s * SECOND_NS)
     assert not silence.is_lasting((52 + 78) * SECOND_NS)
     assert silence.is_lasting((52 + 78) * SECOND_NS + 1)
+    silence.broken(53 * SECOND_NS)  # as quick as others again
+    assert silence.is_lasting((53 + 10) * SECOND_NS + 1)
 
 
 # what the tracker says of itself

@@ -18,7 +18,7 @@ from stab_ros.core.evaluation import Arrival, Evaluator
 from stab_ros.core.findings import Level, findings
 from stab_ros.core.frame_metrics import FrameMetrics, Outcome
 from stab_ros.core.gray import without_colour
-from stab_ros.core.kernels import Compilation
+from stab_ros.core.kernels import Compilation, compile_kernels
 from stab_ros.core.memory import give_back_memory
 from stab_ros.core.parameters import EVALUATOR_PARAMETERS, evaluator_config
 from stab_ros.core.types import Frame
@@ -42,7 +42,7 @@ from stab_ros.nodes.qos import AdaptiveSubscription, Choice, keep_all_offered, l
 from stab_ros.nodes.runtime import Spinner, StabNode
 
 _IMAGE, _HOMOGRAPHY, _REFERENCE = "image_stabilized", "homography", "tracker_node/reference_image"
-_LOOK_S = 0.1  # how often publishers and the level are looked at
+_LOOK_NS = SECOND_NS // 10  # how often publishers and the level are looked at
 _WARN_EVERY_S = 5.0
 _TAKEN = 50  # messages at most, then a frame is measured
 # Waits are of free time, with nothing to take and nothing to measure
@@ -59,7 +59,8 @@ class EvaluatorSettings(Checked):
 
     window_s: float = setting(60.0, "statistics on /diagnostics are over the last so many seconds, s", 1.0, 86400.0)
     alarm_s: float = setting(3.0, "/diagnostics tells a problem of a frame for so long, s", 1.0, 3600.0)
-    stale_s: float = setting(1.0, "without an image for so long the stream counts as stopped, s", 0.05, 3600.0)
+    stale_s: float = setting(1.0, "free to take an image, and without one for so long, the stream counts as stopped, s",
+                             0.05, 3600.0)
     backlog_mb: float = setting(512.0, "pictures that may wait to be measured, MB in gray; more than half: RMSE and "
                                 "velocity field are skipped; all: the oldest frame is skipped", 0.1, 1e6)
     wait_for_subscribers: int = setting(0, "take images only once so many subscribers match ~/metrics", 0, 1000)
@@ -110,7 +111,8 @@ class EvaluatorNode(StabNode):
         self.status.waiting_for = f"kernels to be compiled, {so_far.done} of {so_far.total} are"
 
     def prepare(self) -> None:
-        self.every(_LOOK_S, self._look)
+        compile_kernels()  # done already, unless somebody else's process spins this node
+        self.every(_LOOK_NS / SECOND_NS, self._look)
         self._look()
 
     def _open_inputs(self) -> None:
@@ -229,6 +231,7 @@ class EvaluatorNode(StabNode):
 
     def _look(self) -> None:
         """Follows the publishers, gives up waiting for what was lost, and sees whether the stream stands."""
+        self.free.ticked(_LOOK_NS)
         if not self._inputs and self.metrics.subscribers >= self.settings.wait_for_subscribers:
             self._open_inputs()
         for one in self._inputs.values():

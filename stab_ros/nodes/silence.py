@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-_LASTING, _SLOW = 5, 3  # times stale_s, times the longest silence before
+_LASTING, _SLOW = 5, 3  # times stale_s, times the interval between the last two images
 
 
 class Silence:
@@ -10,7 +10,7 @@ class Silence:
 
     def __init__(self, stale_ns: int) -> None:
         self._stale_ns = stale_ns
-        self._longest_ns = 0  # between two images
+        self._interval_ns = 0
         self._last_ns: int | None = None
 
     @property
@@ -21,7 +21,7 @@ class Silence:
     def broken(self, free_ns: int) -> int:
         """An image has come; how long there was none before."""
         silent_ns, self._last_ns = self.ns(free_ns), free_ns
-        self._longest_ns = max(self._longest_ns, silent_ns)
+        self._interval_ns = silent_ns
         return silent_ns
 
     def ns(self, free_ns: int) -> int:
@@ -34,4 +34,4 @@ class Silence:
 
     def is_lasting(self, free_ns: int) -> bool:
         """Whether it is longer than the pause of a player, or than a slow stream is silent between its images."""
-        return self.ns(free_ns) > max(_LASTING * self._stale_ns, _SLOW * self._longest_ns)
+        return self.ns(free_ns) > max(_LASTING * self._stale_ns, _SLOW * self._interval_ns)

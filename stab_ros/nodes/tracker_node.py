@@ -18,7 +18,7 @@ from stab_ros.core.config import Checked, Value, setting
 from stab_ros.core.debug import draw_debug
 from stab_ros.core.deferral import Ground
 from stab_ros.core.errors import InputError, MessageError
-from stab_ros.core.kernels import Compilation
+from stab_ros.core.kernels import Compilation, compile_kernels
 from stab_ros.core.memory import give_back_memory
 from stab_ros.core.parameters import PARAMETERS, check_change, table_with_preset
 from stab_ros.core.reference import SMALLEST_PX
@@ -50,7 +50,7 @@ from stab_ros.nodes.runtime import StabNode
 from stab_ros.nodes.stamp_watch import StampWatch
 from stab_ros.nodes.tracker_status import TrackerStatus
 
-_LOOK_S = 0.1  # how often subscribers and publishers are looked at
+_LOOK_NS = SECOND_NS // 10  # how often subscribers and publishers are looked at
 _WARN_EVERY_S = 5.0
 _HELD_IMAGES = 100  # until the first camera_info
 
@@ -63,7 +63,8 @@ class TrackerSettings(Checked):
     image_transport: str = setting("raw", "subscribe to image_raw or to image_raw/compressed",
                                    choices=("raw", "compressed"))
     wait_for_subscribers: int = setting(0, "take images only once so many subscribers match homography", 0, 1000)
-    stale_s: float = setting(2.0, "without an image for so long the state is STALE, s", 0.05, 3600.0)
+    stale_s: float = setting(2.0, "free to take an image, and without one for so long, the state is STALE, s", 0.05,
+                             3600.0)
     reference_path: str = setting("", "an .mcap file that the reference is saved to, and that a tracker goes on from "
                                   'when it is started again; "": each start has a reference of its own')
 
@@ -136,12 +137,14 @@ class TrackerNode(StabNode):
         self.status.waiting_for = f"kernels to be compiled, {so_far.done} of {so_far.total} are"
 
     def prepare(self) -> None:
+        compile_kernels()  # done already, unless somebody else's process spins this node
         self._resume()
-        self.every(_LOOK_S, self._look)
+        self.every(_LOOK_NS / SECOND_NS, self._look)
         self._look()
 
     def _look(self) -> None:
         """Starts to take images once enough subscribers listen, and follows the publishers' QoS."""
+        self.free.ticked(_LOOK_NS)
         if self.camera is not None:
             self.camera.refresh()
         if self._input is not None:
