@@ -142,6 +142,16 @@ def test_a_tracker_that_compiles_is_there_and_can_be_stopped(graph: Graph, tmp_p
     assert "Traceback" not in tracker.log
 
 
+def test_a_tracker_without_a_home(graph: Graph) -> None:
+    """As a service has none: rcl alone would refuse to start."""
+    graph.environment.pop("ROS_LOG_DIR")
+    graph.environment["HOME"] = "/proc/1/nowhere"
+    tracker = graph.start("tracker_node")
+    graph.until(lambda: "ready" in tracker.log, "the tracker ready")
+    assert "no log file: /proc/1/nowhere/.ros/log cannot be made; name a folder in ROS_LOG_DIR" in tracker.log
+    assert tracker.stop() == 0
+
+
 def test_a_silence_that_lasts_is_answered_with_a_doubt_and_the_start_goes_on(graph: Graph) -> None:
     camera = Camera(graph, stale_s=0.1)
     camera.show(6)

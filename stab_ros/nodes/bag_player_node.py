@@ -21,8 +21,9 @@ from stab_ros.io.messages import COMPRESSED_IMAGE, IMAGE, OK, SECOND_NS
 from stab_ros.nodes import params
 from stab_ros.nodes.outlet import Outlet
 from stab_ros.nodes.qos import replay_qos
-from stab_ros.nodes.runtime import Spinner, StabNode, message_class
+from stab_ros.nodes.runtime import StabNode, message_class
 from stab_ros.nodes.schedule import Schedule
+from stab_ros.nodes.spinner import Spinner
 
 _CLOCK = "/clock"
 _TICK_NS = 20_000_000  # of /clock

@@ -16,7 +16,8 @@ from stab_ros.io.messages import ERROR, OK
 from stab_ros.nodes import params
 from stab_ros.nodes.gap_counter import GapCounter
 from stab_ros.nodes.qos import AdaptiveSubscription, keep_all_offered, offered_yaml
-from stab_ros.nodes.runtime import Spinner, StabNode, message_class
+from stab_ros.nodes.runtime import StabNode, message_class
+from stab_ros.nodes.spinner import Spinner
 
 _LOOK_S = 0.1  # how often new topics and publishers are looked for
 

@@ -39,7 +39,8 @@ from stab_ros.nodes.backlog import Backlog
 from stab_ros.nodes.evaluator_status import EvaluatorStatus
 from stab_ros.nodes.outlet import Outlet
 from stab_ros.nodes.qos import AdaptiveSubscription, Choice, keep_all_offered, latest_latched
-from stab_ros.nodes.runtime import Spinner, StabNode
+from stab_ros.nodes.runtime import StabNode
+from stab_ros.nodes.spinner import Spinner
 
 _IMAGE, _HOMOGRAPHY, _REFERENCE = "image_stabilized", "homography", "tracker_node/reference_image"
 _LOOK_NS = SECOND_NS // 10  # how often publishers and the level are looked at

@@ -16,7 +16,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
-from rclpy.executors import ShutdownException, SingleThreadedExecutor, TimeoutException
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
@@ -28,50 +28,15 @@ from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.kernels import Compilation
 from stab_ros.core.memory import keep_freed_memory
 from stab_ros.io.compiling import not_kept
-from stab_ros.io.messages import SECOND_NS, WARN, diagnostics_cdr
+from stab_ros.io.messages import WARN, diagnostics_cdr
+from stab_ros.nodes import log_folder
 from stab_ros.nodes.compiling import Compiling
 from stab_ros.nodes.free_time import FreeTime
+from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.stopping import StopRequest, end_at_once
 from stab_ros.nodes.transport import use_profile
 
-_STEP_S = 0.1  # how long a wait may last before the wish to stop is looked at
 _NO_CLOCK = "use_sim_time is set, but nobody publishes /clock; what tells the time tells zero until somebody does"
-_SETTLED_NS, _LONG_NS = 3 * SECOND_NS // 10, SECOND_NS  # of free time
-
-
-class Spinner:
-    """Runs callbacks a little at a time, so that a node's `work` stays a plain loop, and tells its free time."""
-
-    def __init__(self, executor: SingleThreadedExecutor, stop: StopRequest, free: FreeTime) -> None:
-        self._executor = executor
-        self._stop = stop
-        self._free = free
-
-    @property
-    def stopping(self) -> bool:
-        return self._stop.requested
-
-    def once(self, timeout_s: float = _STEP_S) -> None:
-        """Runs one callback, waiting for it at most so long."""
-        most_ns, before_ns = round(min(timeout_s, _STEP_S) * SECOND_NS), time.monotonic_ns()
-        try:
-            callback, _, _ = self._executor.wait_for_ready_callbacks(most_ns / SECOND_NS)
-        except (TimeoutException, ShutdownException):
-            callback = None
-        self._free.waited(time.monotonic_ns() - before_ns, most_ns)
-        if callback is not None:
-            callback()
-            failure = callback.exception()
-            if failure is not None:
-                raise failure
-
-    def drain(self, progress: Callable[[], int]) -> None:
-        """Runs callbacks until the queues are empty: free for a moment without `progress`, or for long altogether."""
-        before, start_ns, moved_ns = progress(), self._free.ns, self._free.ns
-        while self._free.ns - moved_ns < _SETTLED_NS and self._free.ns - start_ns < _LONG_NS:
-            self.once()
-            if progress() != before:
-                before, moved_ns = progress(), self._free.ns
 
 
 class StabNode(Node):
@@ -181,35 +146,17 @@ def _tell_compiled(log: RcutilsLogger, result: Compilation, seconds: float) -> N
         log.warning(not_kept(result.trouble))
 
 
-def _init() -> str | None:
-    """Joins ROS; a warning, or None."""
+def _init() -> str:
+    """Joins ROS; a warning, "" for none."""
     set_logger_level("rcl", LoggingSeverity.FATAL)  # rcl would print its own line beside ours
-    folder = _log_folder()
-    quiet = [] if folder is not None and _can_be_made(folder) else ["--ros-args", "--disable-external-lib-logs"]
+    warning = log_folder.trouble(os.environ)
     try:
-        rclpy.init(args=[*sys.argv, *quiet], signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=[*sys.argv, *(log_folder.WITHOUT if warning else ())],
+                   signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # rclpy's RCLError is not public
         raise InputError(f"the ROS arguments cannot be used: {str(error).split(', at ')[0]}") from error
     set_logger_level("rcl", LoggingSeverity.UNSET)
-    where = "there is no HOME" if folder is None else f"{folder} cannot be made"
-    return f"no log file: {where}; name a folder in ROS_LOG_DIR" if quiet else None
-
-
-def _log_folder() -> Path | None:
-    """Where rcl will log to, None if nothing says so; without one that can be made, it would not even start."""
-    if "ROS_LOG_DIR" in os.environ:
-        return Path(os.environ["ROS_LOG_DIR"])
-    if "ROS_HOME" in os.environ:
-        return Path(os.environ["ROS_HOME"], "log")
-    return Path(os.environ["HOME"], ".ros", "log") if "HOME" in os.environ else None
-
-
-def _can_be_made(folder: Path) -> bool:
-    try:
-        folder.expanduser().mkdir(parents=True, exist_ok=True)
-    except (OSError, RuntimeError):  # which `expanduser` raises where there is no home
-        return False
-    return os.access(folder.expanduser(), os.W_OK)
+    return warning
 
 
 def message_class(msgtype: str) -> Any:
