@@ -97,7 +97,7 @@ def _add_stabilize(commands: Any) -> None:
 
 def _stabilize(options: argparse.Namespace) -> int:
     from stab_ros.core.parameters import checked_values
-    from stab_ros.io.compiling import Shown
+    from stab_ros.io.compiling import compile_shown
     from stab_ros.io.engine import read_config
     from stab_ros.io.offline import Job, stabilize
 
@@ -106,7 +106,7 @@ def _stabilize(options: argparse.Namespace) -> int:
     job = Job(options.input, options.output, values, options.image_topic, options.homographies, options.video,
               not options.no_image, options.keep_raw, options.limit, options.fps, options.force)
     with _quiet_libraries(), _progress("frames") as progress:
-        summary = stabilize(job, progress, Shown())
+        summary = stabilize(job, progress, compile_shown)
     _warn(summary.warnings)
     print(f"{summary.frames} frames: {summary.tracked} tracked, {summary.lost} lost, "
           f"{summary.frames / summary.duration_s:.1f} frames/s")
@@ -139,7 +139,7 @@ def _add_evaluate(commands: Any) -> None:
 
 def _evaluate(options: argparse.Namespace) -> int:
     from stab_ros.core.parameters import EVALUATOR_PARAMETERS, checked_values
-    from stab_ros.io.compiling import Shown
+    from stab_ros.io.compiling import compile_shown
     from stab_ros.io.engine import EVALUATOR, read_config
     from stab_ros.io.evaluation import EvaluationJob, evaluate
     from stab_ros.io.evaluation_outputs import writers_of
@@ -153,7 +153,7 @@ def _evaluate(options: argparse.Namespace) -> int:
     outputs = ResultOutputs(options.json, options.csv, options.report)
     outputs.check(job.source, options.force)
     with _quiet_libraries(), _progress("frames") as progress:
-        evaluation = evaluate(job, progress, Shown())
+        evaluation = evaluate(job, progress, compile_shown)
     _warn(evaluation.warnings)
     print(as_text(evaluation))
     with _quiet_libraries(), _progress("frames") as progress:
@@ -211,10 +211,10 @@ def _compare_methods(job: ComparisonJob, outputs: ResultOutputs) -> int:
     from stab_ros.io.comparison import compare
     from stab_ros.io.comparison_outputs import writers_of
     from stab_ros.io.comparison_text import as_text
-    from stab_ros.io.compiling import Shown
+    from stab_ros.io.compiling import compile_shown
 
     with _quiet_libraries(), _progress("frames") as progress:
-        comparison = compare(job, progress, Shown())
+        comparison = compare(job, progress, compile_shown)
     _warn(comparison.warnings)
     print(as_text(comparison))
     with _quiet_libraries(), _progress("frames") as progress:
@@ -225,11 +225,11 @@ def _compare_methods(job: ComparisonJob, outputs: ResultOutputs) -> int:
 
 def _study(kind: str, job: ComparisonJob, outputs: ResultOutputs) -> int:
     from stab_ros.io.comparison_study import check_outputs, run_study, study_text, write_study
-    from stab_ros.io.compiling import Shown
+    from stab_ros.io.compiling import compile_shown
 
     check_outputs(job, outputs)
     with _quiet_libraries(), _progress("frames") as progress:
-        study = run_study(kind, job, progress, Shown())
+        study = run_study(kind, job, progress, compile_shown)
     _warn(study.warnings)
     print(study_text(study))
     if outputs.json is not None:

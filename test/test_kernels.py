@@ -108,5 +108,7 @@ def test_memory_of_any_kind_is_taken_and_other_types_are_refused() -> None:
         assert out.tolist() == one.sum(axis=1).tolist()
     with pytest.raises(TypeError):
         add_up(table.astype(np.float32), np.zeros(3))
+    with pytest.raises(TypeError):
+        add_up(table, np.zeros(3), 5)
     with pytest.raises(TypeError):  # a copy would be filled in its place
         add_up(table, np.zeros(6)[::2])

@@ -1,20 +1,28 @@
 """Where numba looks for compiled kernels: as by itself, but a folder that can only be read will do, too.
 
-As that of an image or a package that root has warmed up, where the node runs as somebody else. The classes are named in
+As that of an image or a package that root has warmed up, where the node runs as somebody else. It must hold code of
+this source for this machine; if it does not, numba takes the next place that can be written. The classes are named in
 `numba.config.CACHE_LOCATOR_CLASSES`, which numba has since 0.62; before, it wants folders that can be written.
 """
 
 from __future__ import annotations
 
+import pickle
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numba
 from numba import config
 from numba.core import caching
+from numba.core.registry import cpu_target
 
 _SETTING = "CACHE_LOCATOR_CLASSES"
+# what reading an index or code that is damaged, or of another version, may raise
+UNUSABLE = (RuntimeError, OSError, EOFError, ValueError, TypeError, AttributeError, LookupError, ImportError,
+            MemoryError, pickle.PickleError)
 
 
 class Given:
@@ -37,14 +45,32 @@ class BesideTheSource:
 
 def _located(locator: Any, function: Callable[..., Any], file: str) -> Any:
     found = locator(function, file)
-    return found if _holds(found.get_cache_path(), function, file) else locator.from_function(function, file)
+    return found if _holds(found, function) else locator.from_function(function, file)
 
 
-def _holds(folder: str, function: Callable[..., Any], file: str) -> bool:
-    """Whether code of the function is there, and not older than its source."""
-    pattern = f"*.{function.__qualname__}-{function.__code__.co_firstlineno}.*.nbi"
-    written = [path.stat().st_mtime for path in Path(folder).glob(pattern)]
-    return bool(written) and max(written) >= Path(file).stat().st_mtime
+def _holds(found: Any, function: Callable[..., Any]) -> bool:
+    """Whether there is code of this source, numba and processor; what is damaged counts as none."""
+    try:
+        with _index(found.get_cache_path(), function).open("rb") as file:
+            if pickle.load(file) != numba.__version__:
+                return False
+            stamp, kept = pickle.load(file)
+        machine = cpu_target.target_context.codegen().magic_tuple()
+        return bool(stamp == found.get_source_stamp() and any(key[1] == machine for key in kept))
+    except UNUSABLE:
+        return False
+
+
+def _index(folder: str, function: Callable[..., Any]) -> Path:
+    """The file in which numba lists what it has kept of a function."""
+    module = Path(function.__code__.co_filename).stem
+    version = f"py{sys.version_info[0]}{sys.version_info[1]}{getattr(sys, 'abiflags', '')}"
+    return Path(folder, f"{module}.{function.__qualname__}-{function.__code__.co_firstlineno}.{version}.nbi")
+
+
+def forget(dispatcher: Any) -> None:
+    """What was kept of a function, if that can be written. Raises OSError."""
+    _index(dispatcher.stats.cache_path, dispatcher.py_func).unlink(missing_ok=True)
 
 
 @contextmanager

@@ -11,9 +11,9 @@ kernel calls stands in the same file.
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Callable
 from dataclasses import dataclass
+from threading import RLock
 from typing import Any, TypeAlias
 
 import numba
@@ -21,13 +21,13 @@ import numpy as np
 from numba import types
 from numba.extending import typeof_impl
 
-from stab_ros.core.kernel_cache import readable
+from stab_ros.core.kernel_cache import UNUSABLE, forget, readable
 
 Signature: TypeAlias = tuple[Any, ...]  # numba's types of the arguments; what is returned follows from them
 Progress: TypeAlias = Callable[["Compilation"], None]
+Compiler: TypeAlias = Callable[[], "Compilation"]
 
 U8, U16, F32, F64, I64, BOOL = types.uint8, types.uint16, types.float32, types.float64, types.int64, types.boolean
-_UNUSABLE = (OSError, EOFError, ValueError, pickle.PickleError)  # what numba raises of a cache
 
 
 def read(dtype: Any, ndim: int) -> Any:
@@ -59,46 +59,60 @@ class Kernel:
         try:
             return dispatcher(*arguments)
         except TypeError:
+            if len(arguments) != len(self.signatures[0]):
+                raise
             return dispatcher(*map(_laid_out, arguments, self.signatures[0]))
 
     @property
     def dispatcher(self) -> Any:
         """What numba made of it, with all the specialisations that it will ever have."""
-        if self._dispatcher is None:
-            self._dispatcher = self._compiled()
-            self._dispatcher.disable_compile()
+        with _ONE_AT_A_TIME:
+            if self._dispatcher is None:
+                self._dispatcher = self.function if numba.config.DISABLE_JIT else self._compiled()
         return self._dispatcher
 
     @property
     def was_compiled(self) -> bool:
         """Whether any of its code was compiled by this process, and not found in the cache."""
-        return any(self.dispatcher.stats.cache_misses.values())
+        return not numba.config.DISABLE_JIT and any(self.dispatcher.stats.cache_misses.values())
 
     def _compiled(self) -> Any:
-        """With the cache, where it can be used: there may be no folder, a read-only or full disk, a file cut short."""
+        """With the cache, where there is one that can be used; what is damaged in it is made anew."""
         try:
             with readable():
                 dispatcher = self._to_compile(cache=True)
-        except RuntimeError as error:
-            return self._without_cache(error)
+        except RuntimeError as error:  # there is no folder for it
+            self.trouble = _named(error)
+            return self._specialised(self._to_compile(cache=False))
+        try:
+            return self._specialised(dispatcher)
+        except UNUSABLE as error:
+            return self._anew(dispatcher, error)
+
+    def _anew(self, damaged: Any, error: Exception) -> Any:
+        try:
+            forget(damaged)
+            return self._specialised(self._to_compile(cache=True))
+        except UNUSABLE:
+            self.trouble = _named(error)
+            return self._specialised(self._to_compile(cache=False))
+
+    def _specialised(self, dispatcher: Any) -> Any:
         for signature in self.signatures:
             try:
                 dispatcher.compile(signature)
-            except _UNUSABLE as error:
+            except OSError as error:  # a full disk: it is compiled, but could not be kept
                 if signature not in dispatcher.overloads:
-                    return self._without_cache(error)
+                    raise
                 self.trouble = _named(error)
-        return dispatcher
-
-    def _without_cache(self, error: Exception) -> Any:
-        self.trouble = _named(error)
-        dispatcher = self._to_compile(cache=False)
-        for signature in self.signatures:
-            dispatcher.compile(signature)
+        dispatcher.disable_compile()
         return dispatcher
 
     def _to_compile(self, cache: bool) -> Any:
         return numba.njit(cache=cache, nogil=True, **self._options)(self.function)
+
+
+_ONE_AT_A_TIME = RLock()  # kernels that are compiled: one may need another
 
 
 def _named(error: Exception) -> str:

@@ -13,11 +13,10 @@ from importlib import import_module
 from pathlib import Path
 
 from stab_ros.core.errors import InputError, StabRosError, WorkError
-from stab_ros.core.kernels import compile_kernels
 from stab_ros.demo.replay import Replay, replay
 from stab_ros.demo.stages import stage
 from stab_ros.demo.verdict import Files, Verdict, reach
-from stab_ros.io.compiling import Shown
+from stab_ros.io.compiling import compile_shown
 from stab_ros.io.homographies import read_homographies
 from stab_ros.io.text import one_line
 from stab_ros.options import Parser, positive_float
@@ -75,7 +74,7 @@ def run(folder: Path, rate: float) -> Verdict:
 def _compile() -> str:
     """Before the nodes start, each of which would else do it on its own."""
     import_module("stab_ros.io.engine")  # which needs all of them
-    done = compile_kernels(Shown())
+    done = compile_shown()
     return f"{done.total} kernels, {done.compiled} of them new"
 
 

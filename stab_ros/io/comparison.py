@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from stab_ros.core import kernels
 from stab_ros.core.config import Value
 from stab_ros.core.errors import InputError
 from stab_ros.core.evaluation import Arrival, Evaluator
 from stab_ros.core.frame_metrics import FrameMetrics
+from stab_ros.core.kernels import Compiler, compile_kernels
 from stab_ros.core.parameters import EVALUATOR_PARAMETERS, PARAMETERS, checked_values
 from stab_ros.core.types import Frame, State, Track
 from stab_ros.io.comparison_child import Failed, Finished, Run, Step, steps_of
@@ -149,10 +149,10 @@ def shared_values(given: Mapping[str, object]) -> tuple[dict[str, Value], dict[s
     return values, judging
 
 
-def compare(job: ComparisonJob, progress: Progress, compiling: kernels.Progress = kernels.untold) -> Comparison:
+def compare(job: ComparisonJob, progress: Progress, compiling: Compiler = compile_kernels) -> Comparison:
     """Does the job: reads the input once for itself, then once for each method.
 
-    compiling: is told of the kernels, which all are compiled before the first frame.
+    compiling: compiles all kernels, before the first frame.
 
     Raises:
         InputError: what was given cannot be used.
@@ -161,7 +161,7 @@ def compare(job: ComparisonJob, progress: Progress, compiling: kernels.Progress 
     make_evaluator(job.judging)  # refuses wrong settings before anything is read
     with open_source(job.source, job.image_topic, job.fps) as source:
         counter = _Counter(progress, expected(source.count, job.limit), len(job.methods))
-        kernels.compile_kernels(compiling)
+        compiling()
         fps = job.fps or source.rate_hz()
         raw = _judge_raw(source, job, _Judge(make_evaluator(job.judging), truth, fps), counter)
         frames, warnings = len(raw.passages), [*source.warnings, *_unused(source, raw), *_without_points(source, raw)]

@@ -14,10 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from stab_ros.core import estimators, kernels
+from stab_ros.core import estimators
 from stab_ros.core.config import Value
 from stab_ros.core.errors import InputError
 from stab_ros.core.gray import depth_scale, to_gray
+from stab_ros.core.kernels import Compiler, compile_kernels
 from stab_ros.core.parameters import stabilizer_config
 from stab_ros.core.stabilizer import StabilizerConfig
 from stab_ros.core.types import BoolArray, Correspondences, Fit, Frame, Gray
@@ -93,10 +94,10 @@ def study_method(names: Sequence[str] | None) -> str:
 
 
 def run_study(kind: str, job: ComparisonJob, progress: Progress,
-              compiling: kernels.Progress = kernels.untold) -> Study:
+              compiling: Compiler = compile_kernels) -> Study:
     """Matches every frame with the one before and fits all variants to each.
 
-    compiling: is told of the kernels, which all are compiled before the first frame.
+    compiling: compiles all kernels, before the first frame.
 
     Raises:
         InputError: what was given cannot be used.
@@ -107,7 +108,7 @@ def run_study(kind: str, job: ComparisonJob, progress: Progress,
     matches: list[int] = []
     with open_source(job.source, job.image_topic, job.fps) as source:
         total, frames = expected(source.count, job.limit), _Frames()
-        kernels.compile_kernels(compiling)
+        compiling()
         pictures = (picture.decoded for picture in source.frames(job.limit))
         for before, current in frames.pairs(pictures):
             pairs = _matched(config, area.allowed(before.shape[::-1]), before, current)

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
+from threading import current_thread, main_thread
 
 from tqdm import tqdm
 
@@ -20,29 +24,49 @@ def not_kept(trouble: str) -> str:
     return one_line(f"compiled kernels cannot be kept, so each start takes longer ({trouble}); {_REMEDY}")
 
 
-class Shown:
-    """A bar on a terminal, if there is anything to compile; a line if it must be done anew each time."""
+def compile_shown() -> Compilation:
+    """Compiles all kernels of imported modules: a bar on a terminal, a line if it must be done anew each time.
 
-    def __init__(self) -> None:
-        self._bar: tqdm[None] | None = None
+    Ctrl-C takes effect between two kernels: raised within the compiler it may come out as another error, or not at all.
+    """
+    bar: tqdm[None] | None = None
+    with _interrupts_noted() as interrupted:
 
-    def __call__(self, so_far: Compilation) -> None:
-        if so_far.compiled:
-            self._bar = self._bar or make_bar("kernels", total=so_far.total, desc="compiling, once")
-            self._bar.update(so_far.done - self._bar.n)
-        if so_far.done == so_far.total:
-            self._end(so_far.trouble)
+        def show(so_far: Compilation) -> None:
+            nonlocal bar
+            if interrupted:
+                raise KeyboardInterrupt
+            if so_far.compiled:
+                bar = bar or make_bar("kernels", total=so_far.total, desc="compiling, once")
+                bar.update(so_far.done - bar.n)
 
-    def _end(self, trouble: str) -> None:
-        if self._bar is not None:
-            self._bar.close()
-        if trouble:
-            print(f"stab-ros: warning: {not_kept(trouble)}", file=sys.stderr)
+        try:
+            done = compile_kernels(show)
+        finally:
+            if bar is not None:
+                bar.close()
+    if done.trouble:
+        print(f"stab-ros: warning: {not_kept(done.trouble)}", file=sys.stderr)
+    return done
+
+
+@contextmanager
+def _interrupts_noted() -> Iterator[list[int]]:
+    """Holds the number of each SIGINT that comes within it; only a main thread can be told of them."""
+    noted: list[int] = []
+    if current_thread() is not main_thread():
+        yield noted
+        return
+    before = signal.signal(signal.SIGINT, lambda number, _: noted.append(number))
+    try:
+        yield noted
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def warm_up() -> str:
     """Compiles all that nodes and commands need; what came of it, in a line."""
     started_s = time.monotonic()
     import_module("stab_ros.io.engine")  # which needs all of them
-    done = compile_kernels(Shown())
+    done = compile_shown()
     return f"{done.total} kernels, of which {done.compiled} were compiled now, {time.monotonic() - started_s:.1f} s"

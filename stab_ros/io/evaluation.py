@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from stab_ros.core import kernels
 from stab_ros.core.config import Value
 from stab_ros.core.errors import MessageError
 from stab_ros.core.evaluation import Arrival, Evaluator, EvaluatorConfig
 from stab_ros.core.frame_metrics import FrameMetrics, Outcome
+from stab_ros.core.kernels import Compiler, compile_kernels
 from stab_ros.core.types import BoolArray, Frame
 from stab_ros.io.bag import Message
 from stab_ros.io.engine import make_evaluator
@@ -95,10 +95,10 @@ class Evaluation:
     warnings: tuple[str, ...]
 
 
-def evaluate(job: EvaluationJob, progress: Progress, compiling: kernels.Progress = kernels.untold) -> Evaluation:
+def evaluate(job: EvaluationJob, progress: Progress, compiling: Compiler = compile_kernels) -> Evaluation:
     """Does the job.
 
-    compiling: is told of the kernels, which all are compiled before the first frame.
+    compiling: compiles all kernels, before the first frame.
 
     Raises:
         InputError: what was given cannot be used.
@@ -108,7 +108,7 @@ def evaluate(job: EvaluationJob, progress: Progress, compiling: kernels.Progress
     warnings: list[str] = []
     with open_streams(job.source, job.image_topics, job.fps) as streams:
         counter = _Counter(progress, expected_pictures(streams, job.limit))
-        kernels.compile_kernels(compiling)
+        compiling()
         for stream in streams:
             work = _Work(stream, make_evaluator(job.values), counter)
             topics.append(work.run(job))

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from stab_ros.core import kernels
 from stab_ros.core.camera import Camera
 from stab_ros.core.config import Value
+from stab_ros.core.kernels import Compiler, compile_kernels
 from stab_ros.core.parameters import PARAMETERS
 from stab_ros.core.stabilizer import Stabilizer
 from stab_ros.core.types import Frame
@@ -60,10 +60,10 @@ class Summary:
         return self.frames - self.tracked
 
 
-def stabilize(job: Job, progress: Progress, compiling: kernels.Progress = kernels.untold) -> Summary:
+def stabilize(job: Job, progress: Progress, compiling: Compiler = compile_kernels) -> Summary:
     """Does the job.
 
-    compiling: is told of the kernels, which all are compiled before the first frame.
+    compiling: compiles all kernels, before the first frame.
 
     Raises:
         InputError: what was given cannot be used; nothing is left behind.
@@ -74,7 +74,7 @@ def stabilize(job: Job, progress: Progress, compiling: kernels.Progress = kernel
         camera = source.camera() if _uses_camera(job.values) else None
         stabilizer = make_stabilizer(job.values, camera)
         total = expected(source.count, job.limit)
-        kernels.compile_kernels(compiling)
+        compiling()
         started_s = time.monotonic()
         with _open_outputs(job, source, camera, stabilizer.window) as outputs:
             counts = run(source.items(job.limit), stabilizer, outputs, lambda done: progress(done, total),

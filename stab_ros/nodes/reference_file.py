@@ -26,6 +26,15 @@ class ReferenceFile:
             raise InputError(f"reference_path: {path} must name an .mcap file in a folder that exists")
         self.saved = load_reference(self._path) if self._path else None
 
+    @property
+    def waits(self) -> bool:
+        """Whether there is a saved reference that the engine does not go on with yet."""
+        return self.saved is not None
+
+    def forget(self) -> None:
+        """Lets the engine begin anew, if it has not gone on with the saved reference yet."""
+        self.saved = None
+
     def check_camera(self, undistorts: bool) -> None:
         """Raises InputError where only one of the saved reference and the images to come has its distortion removed."""
         if self.saved is not None and undistorts != (self.saved.camera_info is not None):

@@ -104,10 +104,12 @@ class TrackerNode(StabNode):
         self._warned_s: dict[str, float] = {}  # by kind of warning
         self._gaps, self._stamps = GapCounter(), StampWatch()
         self._file = ReferenceFile(self.settings.reference_path, self.get_logger())
+        self._file.check_camera(self.camera is not None)
         self._held: deque[tuple[bytes, int]] = deque(maxlen=_HELD_IMAGES)
         self._waiting: dict[int, _Waiting] = {}  # frames that are not answered yet, by index
         self._published_reference: Frame | None = None
         self._published_map: StaticMap | None = None
+        self._ground = Ground.UNDECIDED  # when we last looked
         self._make_outlets(lossless=self.settings.queue_depth == 0)
         self.create_service(Trigger, "~/reset_reference", self._reset_reference)
         params.LiveChanges(self, PARAMETERS, self._change)
@@ -126,7 +128,6 @@ class TrackerNode(StabNode):
         saved = self._file.saved
         if saved is None:
             return
-        self._file.check_camera(self.camera is not None)
         if self.camera is not None and saved.camera_info is not None:
             self.camera.restore(saved.camera_info)
             self.stabilizer = make_stabilizer(self.values, self.camera.camera)
@@ -165,9 +166,16 @@ class TrackerNode(StabNode):
         if tracks:
             self._publish_tracks(tracks)
             self._publish_references()
-        if tracks and self.stabilizer.deferring:
-            self._warn("provisional", f"{len(tracks)} frames were answered after {silence.ns(free_ns) / 1e9:.1f} s of "
-                       "silence, before enough was seen to tell what is ground; that is decided when images return")
+
+    def _tell_ground(self) -> None:
+        """What frames of a start were answered by, where that was too little."""
+        before, self._ground = self._ground, self.stabilizer.ground
+        if self._ground is Ground.PROVISIONAL and before is not self._ground:
+            self._warn("provisional", "frames were answered as no more came, before enough was seen to tell what is "
+                       "ground; that is decided when images return")
+        if before is Ground.PROVISIONAL and before is not self._ground:
+            self._warn("decided", "what is ground was decided anew, frames before were answered by what was seen "
+                       f"then; reset_counter is {self.stabilizer.reset_counter}")
 
     def _open_input(self) -> AdaptiveSubscription:
         compressed = self._image_type == COMPRESSED_IMAGE
@@ -199,7 +207,7 @@ class TrackerNode(StabNode):
                 self.status.on_dropped(1)
                 self._warn_of(Step.SAME)
                 return
-            before, tracks = self.stabilizer.ground, self.stabilizer.answers(frame)
+            tracks = self.stabilizer.answers(frame)
         except InputError as error:
             self.status.on_refused()
             self._warn("refused", f"refused an image: {error}")
@@ -208,9 +216,6 @@ class TrackerNode(StabNode):
         self._waiting[index] = _Waiting(header_of(frame), frame.size, source_ns)
         self._publish_tracks(tracks)
         self._publish_references()
-        if before is Ground.PROVISIONAL and self.stabilizer.ground is Ground.DECIDED:
-            self._warn("decided", f"what is ground was decided anew at stamp {frame.stamp_ns} ns, frames before were "
-                       f"answered by what was seen then; reset_counter is {self.stabilizer.reset_counter}")
         if tracks and tracks[-1].index == index:
             self._publish_images(frame, tracks[-1])
 
@@ -244,6 +249,7 @@ class TrackerNode(StabNode):
             self.homography.send(homography_cdr(track, waiting.header, size, camera))
             self.track.send(track_cdr(track, waiting.header, self.stabilizer.window))
             self.status.on_track(track, time.time_ns() - waiting.source_ns)
+        self._tell_ground()
 
     def _publish_references(self) -> None:
         """The reference and the static map, where they are new."""
@@ -288,12 +294,15 @@ class TrackerNode(StabNode):
 
     def _reset_reference(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._publish_tracks(self.stabilizer.finish())
+        self._file.forget()
         self.stabilizer.reset_reference()
         response.success, response.message = True, "the next frame becomes the reference"
         return response
 
     def _change(self, changed: dict[str, Value]) -> None:
         check_change(self.values, changed)
+        if self._file.waits:
+            raise InputError("the saved reference is not in force yet, set it again once the tracker is ready")
         values = {**self.values, **changed}
         reconfigure(self.stabilizer, values)
         self.values = values

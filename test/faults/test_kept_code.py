@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +16,8 @@ from pathlib import Path
 from ailing import needs_root, run
 
 import stab_ros
+import stab_ros.io.engine  # all kernels
+from stab_ros.core.kernels import KERNELS
 
 ROOT = Path(stab_ros.__file__).parents[1]
 TESTS = Path(__file__).parents[1]
@@ -43,15 +47,30 @@ def test_fresh_kept_and_damaged_code_give_the_same(tmp_path: Path) -> None:
     """The first start, the second, and one after the power failed while the code was written."""
     cache = str(tmp_path / "cache")
     fresh, kept = (answered(ROOT, NUMBA_CACHE_DIR=cache) for _ in range(2))
-    assert fresh[0] > 20
+    assert fresh[0] == len(KERNELS)
     assert (fresh[1], kept[0], kept[1]) == ("", 0, "")
-    files = sorted(Path(cache).rglob("*.nbc"))
-    files[0].write_bytes(files[0].read_bytes()[:100])
-    files[-1].write_bytes(b"")
-    damaged = answered(ROOT, NUMBA_CACHE_DIR=cache)
-    assert 0 < damaged[0] <= 2
-    assert damaged[1]
-    assert fresh[2] == kept[2] == damaged[2]
+    first, *_, last = sorted(Path(cache).rglob("*.nbc"))
+    first.write_bytes(first.read_bytes()[:100])
+    last.write_bytes(b"no LLVM" + last.read_bytes()[7:])
+    damaged, mended = (answered(ROOT, NUMBA_CACHE_DIR=cache) for _ in range(2))
+    assert (damaged[0], damaged[1], mended[0], mended[1]) == (2, "", 0, "")
+    assert fresh[2] == kept[2] == damaged[2] == mended[2]
+
+
+def test_an_interrupt_of_the_compiler_is_a_clean_end(tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "stab_ros", "warm-up"]
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    with subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        while len(list((tmp_path / "cache").rglob("*.nbc"))) < 5:
+            time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        said = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert said == ("", "stab-ros: interrupted; an unfinished output has .partial in its name\n")
+
+
+def test_without_a_compiler_everything_is_there_to_be_debugged() -> None:
+    assert answered(ROOT, NUMBA_DISABLE_JIT="1")[0] == 0
 
 
 def test_code_that_cannot_be_kept_costs_time_alone(tmp_path: Path) -> None:
@@ -60,7 +79,7 @@ def test_code_that_cannot_be_kept_costs_time_alone(tmp_path: Path) -> None:
     for folder in [path for path in (tmp_path / "stab_ros").rglob("*") if path.is_dir()]:
         (folder / "__pycache__").write_text("taken")  # as root, no permission would keep anybody from writing
     compiled, trouble, homographies = answered(tmp_path, **NOWHERE)
-    assert compiled > 20
+    assert compiled == len(KERNELS)
     assert "cannot cache" in trouble
     assert homographies == answered(ROOT)[2]
 
@@ -89,6 +108,14 @@ def test_code_that_was_kept_is_found_where_it_cannot_be_written(tmp_path: Path) 
         done = warmed_up(package, **NOWHERE)
         assert ", of which 0 were compiled" in done.stdout
         assert not done.stderr
+
+    home = {"HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    other = {**home, "NUMBA_CPU_NAME": "generic"}  # an image that was built elsewhere
+    with read_only(package):
+        for compiled in (len(KERNELS), 0):  # into the user's own folder, once
+            done = warmed_up(package, **other)
+            assert f", of which {compiled} were compiled" in done.stdout
+            assert not done.stderr
 
     changed = package / "stab_ros" / "methods" / "_spread.py"
     changed.write_text(changed.read_text(encoding="utf-8") + "\n", encoding="utf-8")

@@ -127,6 +127,23 @@ def saved(path: Path, flight: list[Shot]) -> None:
     save_reference(path, SavedReference(Frame(flight[0].image, "mono8", 5), everything, 3))
 
 
+def test_a_saved_reference_waits_for_the_compiler_and_may_be_given_up(
+    graph: Graph, flight: list[Shot], tmp_path: Path
+) -> None:
+    kept = tmp_path / "reference.mcap"
+    saved(kept, flight)
+    graph.environment["NUMBA_CACHE_DIR"] = str(tmp_path / "cache")
+    tracker = graph.start("tracker_node", reference_path=str(kept))
+    graph.until(lambda: "compiling kernels" in tracker.log, "the compiler at work")
+    taken, reason = graph.set_parameter("/tracker_node", "roi", "[[[0, 0], [9, 0], [9, 9]]]")
+    assert not taken
+    assert "the saved reference is not in force yet" in reason
+    assert graph.call(Trigger, "/tracker_node/reset_reference", Trigger.Request()).success
+    assert graph.set_parameter("/tracker_node", "threshold", 1.0) == (True, "")
+    graph.until(lambda: "ready" in tracker.log, "the tracker ready")
+    assert "going on against" not in tracker.log
+
+
 def words(path: Path, _flight: list[Shot]) -> None:
     path.write_bytes(b"no recording")
 
