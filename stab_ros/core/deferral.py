@@ -100,12 +100,8 @@ class Deferral:
     @property
     def enough(self) -> bool:
         """Whether half of its length was seen."""
-        return self.seen_ns >= _SEEN_SHARE * self._duration_ns
-
-    @property
-    def seen_ns(self) -> int:
-        """From the first frame that was followed to the last."""
-        return self._times_ns[-1] - self._times_ns[0] if self._times_ns else 0
+        seen_ns = self._times_ns[-1] - self._times_ns[0] if self._times_ns else 0
+        return seen_ns >= _SEEN_SHARE * self._duration_ns
 
     @property
     def ground(self) -> Ground:
