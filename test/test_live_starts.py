@@ -118,18 +118,6 @@ def test_a_tracker_that_is_stopped_in_its_start(graph: Graph) -> None:
     camera.check_engine()
 
 
-def test_a_first_flight_after_an_installation(graph: Graph, tmp_path: Path) -> None:
-    """Everything is compiled before "ready", and nothing after it."""
-    graph.environment["NUMBA_CACHE_DIR"] = str(tmp_path / "cache")
-    camera = Camera(graph)
-    kept = sorted((tmp_path / "cache").rglob("*.nbc"))
-    camera.show(FRAMES)
-    camera.check_engine()
-    assert kept
-    assert sorted((tmp_path / "cache").rglob("*.nbc")) == kept
-    assert "compiled " in camera.tracker.log.partition("ready")[0]
-
-
 def test_a_tracker_that_compiles_is_there_and_can_be_stopped(graph: Graph, tmp_path: Path) -> None:
     graph.environment["NUMBA_CACHE_DIR"] = str(tmp_path / "cache")
     reports = graph.listen(DiagnosticArray, "/diagnostics")
