@@ -45,6 +45,8 @@ def compile_shown() -> Compilation:
         finally:
             if bar is not None:
                 bar.close()
+    if interrupted:  # while the last one was compiled
+        raise KeyboardInterrupt
     if done.trouble:
         print(f"stab-ros: warning: {not_kept(done.trouble)}", file=sys.stderr)
     return done
