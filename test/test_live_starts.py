@@ -168,7 +168,7 @@ def test_a_tracker_in_an_executor_of_somebody_else(graph: Graph) -> None:
             for shot in shots():
                 images.publish(image_message(shot.image, shot.stamp_ns))
             graph.until(lambda: len(answers) == FRAMES, "every frame answered")
-            graph.until(lambda: values_of(reports[-1])["state"] == "STALE", "the silence being noticed")
+            graph.until(lambda: reports and values_of(reports[-1])["state"] == "STALE", "the silence being noticed")
         finally:
             process.send_signal(signal.SIGINT)
     for answer, H in zip(answers, by_the_engine(), strict=True):

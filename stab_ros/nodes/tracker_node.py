@@ -47,6 +47,7 @@ from stab_ros.nodes.outlet import Outlet
 from stab_ros.nodes.qos import LATCHED, AdaptiveSubscription, keep_all_reliable, newest_only
 from stab_ros.nodes.reference_file import ReferenceFile
 from stab_ros.nodes.runtime import StabNode
+from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.stamp_watch import StampWatch
 from stab_ros.nodes.tracker_status import TrackerStatus
 
@@ -142,6 +143,11 @@ class TrackerNode(StabNode):
         self._resume()
         self.every(_LOOK_NS / SECOND_NS, self._look)
         self._look()
+
+    def work(self, spinner: Spinner) -> None:
+        super().work(spinner)
+        for outlet in (self.homography, self.track, self.stabilized):
+            outlet.flush()  # the last answer may still be on its way
 
     def _look(self) -> None:
         """Starts to take images once enough subscribers listen, and follows the publishers' QoS."""
