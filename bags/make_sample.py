@@ -18,12 +18,12 @@ import cv2
 import numpy as np
 from rosbags.typesys.stores import ros2_jazzy as ros
 
-from stab_ros.core.camera_path import Motion, Pose
-from stab_ros.core.river import ControlPoint, Island, Preset, Stream
-from stab_ros.core.synthetic import Flight, Shot
 from stab_ros.io.bag import BagWriter, Message, topic_of
 from stab_ros.io.homographies import COLUMNS
 from stab_ros.io.messages import CAMERA_INFO, COMPRESSED_IMAGE, typestore
+from stab_ros.synthetic.camera_path import Motion, Pose
+from stab_ros.synthetic.flight import Flight, Shot
+from stab_ros.synthetic.river import ControlPoint, Island, SceneSettings, Stream
 
 if TYPE_CHECKING:
     from stab_ros.core.types import Image
@@ -38,7 +38,7 @@ GPS_EVERY = 5  # frames
 HOME_DEG, HOME_ALTITUDE_M = (46.2270, 7.6080), 540.0
 METRES_PER_DEGREE = 111_320.0  # of latitude
 
-RIVER = Preset(
+RIVER = SceneSettings(
     name="sample", size=(960, 540), gsd_m=0.06, fps=24.0, duration_s=3.0,
     stream=Stream(centre=0.50, width=0.60, bend=0.10, speed_m_s=1.5),
     motion=Motion(

@@ -16,10 +16,10 @@ from spread import Spread
 from tables import Section, Table, number, verdict
 from tqdm import tqdm
 
-from stab_ros.core.config import Value
 from stab_ros.core.geometry import rms_distance
+from stab_ros.core.settings import Value
 from stab_ros.core.types import BoolArray, Frame, Homography
-from stab_ros.io.engine import make_stabilizer
+from stab_ros.parameters.engines import make_stabilizer
 
 PRESETS = ("kolubara", "alpine")
 DIRECT, EXCLUDE, KLT = "direct", "direct, water excluded", "klt"

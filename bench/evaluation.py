@@ -14,17 +14,17 @@ from effort import Effort
 from scenes import HD, SEED, UHD, render
 from tables import Section, Table, number, verdict
 
-from stab_ros.core.camera_path import product
-from stab_ros.core.evaluation import Arrival, Evaluator, EvaluatorConfig
-from stab_ros.core.frame_metrics import FrameMetrics
 from stab_ros.core.geometry import normalized
-from stab_ros.core.synthetic import Flight, preset
 from stab_ros.core.types import FloatArray, Frame, Gray, Homography
-from stab_ros.core.warp import warp
-from stab_ros.io.engine import make_stabilizer
+from stab_ros.evaluation.evaluator import Arrival, Evaluator, EvaluatorConfig
+from stab_ros.evaluation.frame_metrics import FrameMetrics
+from stab_ros.imaging.warp import warp
 from stab_ros.metrics.velocity_field import mean_field
+from stab_ros.parameters.engines import make_stabilizer
+from stab_ros.synthetic.camera_path import product
+from stab_ros.synthetic.flight import Flight, preset
 
-PRESETS = ("kolubara", "alpine", "basento")
+SCENES = ("kolubara", "alpine", "basento")
 RESIDUALS_PX = (0.05, 0.2, 0.5, 1.0, 2.0, 4.0)
 NOISE_LEVELS = {0.0: (0.15, 0.05), 2.0: (0.20, 0.10)}  # and what the displacement may be off: relative, or in px
 FLOORS = ("displacement_reference_px", "displacement_previous_px", "rmse_reference_px", "rmse_previous_px",
@@ -47,11 +47,11 @@ def measure(effort: Effort) -> Section:
     """Recovery on every preset, with and without noise; time a frame at both sizes."""
     tables: list[Table] = []
     data: dict[str, object] = {}
-    for name in PRESETS:
+    for name in SCENES:
         found = {noise: _recovered(name, noise) for noise in NOISE_LEVELS}
         tables.append(_recovery_table(name, found))
         data[name] = {str(noise): {str(px): errors for px, errors in rows.items()} for noise, rows in found.items()}
-    floors = {name: _floor(name, effort.rendered) for name in PRESETS}
+    floors = {name: _floor(name, effort.rendered) for name in SCENES}
     tables.append(_floor_table(floors))
     data["floor"] = floors
     times = {f"{size[0]}x{size[1]}": _times_ms(size, effort.rendered) for size in (HD, UHD)}

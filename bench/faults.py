@@ -14,13 +14,13 @@ from scenes import SEED
 from tables import Section, Table, number
 from tqdm import tqdm
 
-from stab_ros.core.camera_path import Gust, Pose
-from stab_ros.core.config import Value
 from stab_ros.core.geometry import rms_distance
-from stab_ros.core.river import Preset
-from stab_ros.core.synthetic import Flight, Shot, preset
+from stab_ros.core.settings import Value
 from stab_ros.core.types import FloatArray, Frame, Gray, Track
-from stab_ros.io.engine import make_stabilizer
+from stab_ros.parameters.engines import make_stabilizer
+from stab_ros.synthetic.camera_path import Gust, Pose
+from stab_ros.synthetic.flight import Flight, Shot, preset
+from stab_ros.synthetic.river import SceneSettings
 
 SIZE = (960, 540)
 PLOT = Path(__file__).resolve().parents[1] / "docs" / "faults.png"
@@ -74,7 +74,7 @@ def _dropped(seed: int) -> Callable[[Gray, float], Gray | None]:
     return lambda picture, _: None if draw.random() < 0.1 else picture
 
 
-def faults(scene: Preset) -> Sequence[Fault]:
+def faults(scene: SceneSettings) -> Sequence[Fault]:
     """Those that are asked for."""
     half = scene.ground_m[0] / 2
     return (
@@ -118,7 +118,8 @@ class Course:
         return longest
 
 
-def fly(fault: Fault, scene: Preset, size: tuple[int, int], values: Mapping[str, Value], seed: int = SEED) -> Course:
+def fly(fault: Fault, scene: SceneSettings, size: tuple[int, int], values: Mapping[str, Value],
+        seed: int = SEED) -> Course:
     """A flight with one fault, tracked with default settings but for `values`."""
     gusts = () if fault.move is None else (Gust(BEGIN_S, 1e-6, fault.move),)
     scene = replace(scene, motion=replace(scene.motion, gusts=(*scene.motion.gusts, *gusts)))

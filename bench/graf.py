@@ -10,10 +10,10 @@ import numpy as np
 from effort import Effort
 from tables import Table, number, verdict
 
-from stab_ros.core.config import Value
 from stab_ros.core.geometry import apply
+from stab_ros.core.settings import Value
 from stab_ros.core.types import Frame, Gray, Homography
-from stab_ros.io.engine import make_stabilizer
+from stab_ros.parameters.engines import make_stabilizer
 
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "data" / "graf"
 TARGETS_PX = {2: 3.0, 3: 6.0}  # by picture

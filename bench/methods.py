@@ -19,15 +19,15 @@ from spread import Spread
 from tables import Section, Table, number, verdict
 from tqdm import tqdm
 
-from stab_ros.core.config import Value
 from stab_ros.core.geometry import grid, rms_distance
-from stab_ros.core.models import nearest
-from stab_ros.core.parameters import resolved, stabilizer_config
-from stab_ros.core.stabilizer import Stabilizer
+from stab_ros.core.settings import Value
 from stab_ros.core.types import FloatArray, Track
-from stab_ros.io.engine import make_stabilizer
+from stab_ros.estimation.models import nearest
 from stab_ros.methods import METHODS
-from stab_ros.methods.presets import PRESETS
+from stab_ros.parameters.engines import make_stabilizer
+from stab_ros.parameters.presets import PRESETS
+from stab_ros.parameters.table import resolved, stabilizer_config
+from stab_ros.tracking.stabilizer import Stabilizer
 
 SCENES = ("kolubara", "alpine")
 MANUAL = ("fft_", "ssims", "blender_manual")  # beginnings of the presets whose tool is given its points by hand

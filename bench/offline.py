@@ -13,9 +13,9 @@ from spread import Spread
 from tables import Section, Table, number
 
 from stab_ros.io.bag import BagWriter, topic_of
-from stab_ros.io.engine import make_stabilizer
 from stab_ros.io.messages import IMAGE, header_of, image_cdr
-from stab_ros.io.offline import Job, stabilize
+from stab_ros.jobs.stabilize import Job, stabilize
+from stab_ros.parameters.engines import make_stabilizer
 
 TARGET = 0.6  # of the engine's rate
 _ROUNDS = 5

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from stab_ros.core.types import Frame
-from stab_ros.io.engine import make_stabilizer
+from stab_ros.parameters.engines import make_stabilizer
 
 _STEP_NS = 40_000_000
 

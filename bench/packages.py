@@ -16,10 +16,10 @@ from scenes import HD, Scene, render
 from tables import Section
 
 from stab_ros.core.geometry import apply, rms_distance
-from stab_ros.core.parameters import stabilizer_config
 from stab_ros.core.types import FloatArray
-from stab_ros.io.engine import make_stabilizer
 from stab_ros.methods.fft import Fft
+from stab_ros.parameters.engines import make_stabilizer
+from stab_ros.parameters.table import stabilizer_config
 
 _HERE = Path(__file__).resolve().parent
 # without kornia and torch, several GB that only its learned detectors need: its default is ORB

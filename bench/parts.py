@@ -10,7 +10,7 @@ from pathlib import Path
 from scenes import Scene
 from tables import Table, number
 
-from stab_ros.io.engine import make_stabilizer
+from stab_ros.parameters.engines import make_stabilizer
 
 # what is told apart, by file and function; none of them calls another of them
 PARTS = {

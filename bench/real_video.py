@@ -16,8 +16,8 @@ from tqdm import tqdm
 from stab_ros.core.geometry import rms_distance
 from stab_ros.core.gray import to_gray
 from stab_ros.core.types import Frame, Homography
-from stab_ros.io.engine import make_stabilizer
 from stab_ros.io.video import VideoFile
+from stab_ros.parameters.engines import make_stabilizer
 
 VIDEO = Path(__file__).resolve().parents[2] / "shared" / "data" / "navizence.mp4"
 HALVES, SIFT = "even patches and odd patches", f"direct and {sift_magsac().name}"

@@ -13,11 +13,11 @@ from scenes import SEED
 from tables import Section, Table, number
 from tqdm import tqdm
 
-from stab_ros.core.camera_path import Pose, inverse
 from stab_ros.core.geometry import apply
-from stab_ros.core.synthetic import Flight, preset
 from stab_ros.core.types import FloatArray, Frame, Homography, Image
-from stab_ros.io.engine import make_stabilizer
+from stab_ros.parameters.engines import make_stabilizer
+from stab_ros.synthetic.camera_path import Pose, inverse
+from stab_ros.synthetic.flight import Flight, preset
 
 _SIZE, _FRAMES = (960, 540), 60
 _SCENES, _HEIGHTS = ("kolubara", "alpine", "basento"), (0.0, 0.02, 0.04, 0.08, 0.12, 0.24)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 from tqdm import tqdm
 
-from stab_ros.core.synthetic import Flight, preset
 from stab_ros.core.types import BoolArray, FloatArray, Frame, Homography
+from stab_ros.synthetic.flight import Flight, preset
 
 HD, UHD = (1920, 1080), (4096, 2160)
 SEED = 1

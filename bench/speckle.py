@@ -11,10 +11,10 @@ from scenes import HD, SEED, Scene, render
 from spread import Spread
 from tables import Table, number, verdict
 
-from stab_ros.core.config import Value
 from stab_ros.core.geometry import rms_distance
+from stab_ros.core.settings import Value
 from stab_ros.core.types import Frame
-from stab_ros.io.engine import make_stabilizer
+from stab_ros.parameters.engines import make_stabilizer
 
 LOOKS = 4  # equivalent number of
 SMALL = (960, 540)

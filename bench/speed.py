@@ -17,7 +17,7 @@ from tables import Section, Table, number, verdict
 
 from stab_ros.core.gray import to_gray
 from stab_ros.core.types import Frame, Homography, State, Track
-from stab_ros.io.engine import make_stabilizer
+from stab_ros.parameters.engines import make_stabilizer
 
 TARGET_MS = {HD: 15.0, UHD: 12.0}  # of the direct method, two cores
 WARP_TARGET_MS = 10.0  # and at most half of OpenCV's

@@ -40,10 +40,8 @@ from tqdm import tqdm
 
 import stab_ros
 from stab_ros.core.geometry import rms_distance
-from stab_ros.core.synthetic import Flight, preset
 from stab_ros.core.types import Frame, Homography
 from stab_ros.io.bag import BagWriter, open_bag, topic_of
-from stab_ros.io.engine import make_stabilizer
 from stab_ros.io.messages import (
     IMAGE,
     SECOND_NS,
@@ -56,6 +54,8 @@ from stab_ros.io.messages import (
 )
 from stab_ros.nodes.qos import KEEP_ALL
 from stab_ros.nodes.transport import use_profile
+from stab_ros.parameters.engines import make_stabilizer
+from stab_ros.synthetic.flight import Flight, preset
 
 SIZE, FRAMES, SPEED_M_S, RATE_HZ = (960, 540), 75, 1.0, 25.0
 _DOMAIN = 101  # beyond those of the tests

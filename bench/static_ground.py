@@ -14,14 +14,14 @@ from scenes import HD, SEED
 from tables import Section, Table, number
 from tqdm import tqdm
 
-from stab_ros.core.camera_path import Gust, Pose
-from stab_ros.core.config import Value
 from stab_ros.core.geometry import rms_distance
-from stab_ros.core.river import Preset
-from stab_ros.core.stabilizer import Stabilizer
-from stab_ros.core.synthetic import Flight, preset
+from stab_ros.core.settings import Value
 from stab_ros.core.types import FloatArray, Frame
-from stab_ros.io.engine import make_stabilizer
+from stab_ros.parameters.engines import make_stabilizer
+from stab_ros.synthetic.camera_path import Gust, Pose
+from stab_ros.synthetic.flight import Flight, preset
+from stab_ros.synthetic.river import SceneSettings
+from stab_ros.tracking.stabilizer import Stabilizer
 
 PICTURE = Path(__file__).resolve().parents[1] / "docs" / "images" / "static_map.png"
 _TRAVERSE_S, _REST_S = 10.0, 0.6
@@ -73,7 +73,7 @@ def _keyframes(stabilizer: Stabilizer) -> int:
     return stabilizer.keyframes
 
 
-def trap(name: str, speed_m_s: float, drift: Pose) -> Preset:
+def trap(name: str, speed_m_s: float, drift: Pose) -> SceneSettings:
     """A preset with rigid water over 70 % of the picture, as strongly textured as the ground."""
     scene = preset(name)
     return replace(scene, stream=replace(scene.stream, width=0.76, speed_m_s=speed_m_s, rigid=True),

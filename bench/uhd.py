@@ -21,9 +21,9 @@ from peers import Peer
 from scenes import UHD, Scene, render
 from tables import Section, Table, number
 
-from stab_ros.core.config import Value
+from stab_ros.core.settings import Value
 from stab_ros.core.types import Frame, Homography
-from stab_ros.io.engine import make_stabilizer
+from stab_ros.parameters.engines import make_stabilizer
 
 ENGINE, TRACK, ECC, OTHER = "engine: track and warp", "track alone", "ecc, water masked", "stabilo"
 _NOTE = ("kolubara, mono8. ecc is OpenCV's, over four levels, with the water masked out by the truth; the others find "

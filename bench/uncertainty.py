@@ -12,11 +12,11 @@ from effort import Effort
 from tables import Section, Table, number
 from tqdm import tqdm
 
-from stab_ros.core.config import Value
 from stab_ros.core.geometry import apply, jacobian, rms_distance
-from stab_ros.core.synthetic import Flight, preset
+from stab_ros.core.settings import Value
 from stab_ros.core.types import FloatArray, Frame, Gray
-from stab_ros.io.engine import make_stabilizer
+from stab_ros.parameters.engines import make_stabilizer
+from stab_ros.synthetic.flight import Flight, preset
 
 PLOT = Path(__file__).resolve().parents[1] / "docs" / "uncertainty.png"
 STILLS = Path(__file__).resolve().parents[2] / "shared" / "data" / "stills"

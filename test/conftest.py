@@ -14,7 +14,7 @@ from hypothesis import settings
 from recordings import RECORDERS
 
 from stab_ros.cli import main
-from stab_ros.core.synthetic import Flight, Shot, preset
+from stab_ros.synthetic.flight import Flight, Shot, preset
 
 if TYPE_CHECKING:
     from live_graph import Graph

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stab_ros.core.camera_path import Gust, Pose
 from stab_ros.core.geometry import rms_distance
-from stab_ros.core.river import Preset
-from stab_ros.core.stabilizer import Stabilizer
-from stab_ros.core.synthetic import Flight, preset
 from stab_ros.core.types import FloatArray, Frame, Gray, Track
+from stab_ros.synthetic.camera_path import Gust, Pose
+from stab_ros.synthetic.flight import Flight, preset
+from stab_ros.synthetic.river import SceneSettings
+from stab_ros.tracking.stabilizer import Stabilizer
 
 SIZE = (480, 270)
 
@@ -32,7 +32,7 @@ class Flown:
 
 
 def trap(name: str, speed_m_s: float, drift_m_s: float | None = None, width: float = 0.76,
-         centre: float | None = None) -> Preset:
+         centre: float | None = None) -> SceneSettings:
     """Rigid water as strongly textured as the ground, over 70 % of the picture; the camera drifts along it, if told."""
     scene = preset(name)
     stream = replace(scene.stream, width=width, speed_m_s=speed_m_s, rigid=True,
@@ -41,7 +41,7 @@ def trap(name: str, speed_m_s: float, drift_m_s: float | None = None, width: flo
     return replace(scene, stream=stream, motion=replace(scene.motion, drift_per_s=drift))
 
 
-def moved(scene: Preset, *gusts: Gust) -> Preset:
+def moved(scene: SceneSettings, *gusts: Gust) -> SceneSettings:
     """The scene with these moves of the camera."""
     return replace(scene, motion=replace(scene.motion, gusts=gusts))
 

@@ -17,8 +17,8 @@ from rosbags.rosbag2 import Writer as Rosbag2Writer
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from stab_ros.core.synthetic import Shot
 from stab_ros.core.types import FloatArray
+from stab_ros.synthetic.flight import Shot
 
 IMAGE_TOPIC = "/cam/image_raw"
 OTHER_TOPIC = "/cam/height"

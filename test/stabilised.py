@@ -14,8 +14,8 @@ from conftest import Command
 from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_typestore
 
-from stab_ros.core.synthetic import Shot
 from stab_ros.core.types import FloatArray
+from stab_ros.synthetic.flight import Shot
 
 JAZZY = get_typestore(Stores.ROS2_JAZZY)
 COLUMNS = ("frame,stamp_ns,status,h00,h01,h02,h10,h11,h12,h20,h21,h22,"

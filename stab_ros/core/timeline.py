@@ -7,7 +7,7 @@ from enum import Enum
 _FAR_NS = 60 * 10**9  # no camera pauses for so long: its clock was set, or another recording begins
 
 
-class Step(Enum):
+class Advance(Enum):
     """From the stamp before to this one. SAME: a duplicate. AHEAD: further than a camera pauses."""
 
     STEADY = "steady"
@@ -29,7 +29,7 @@ class Timeline:
         self._last_ns: int | None = None
         self._begun = False
 
-    def take(self, stamp_ns: int) -> Step:
+    def take(self, stamp_ns: int) -> Advance:
         """The next frame."""
         step, last_ns = self._judge(stamp_ns), self._last_ns
         if stamp_ns != 0:
@@ -39,12 +39,12 @@ class Timeline:
         self._begun = True
         return step
 
-    def _judge(self, stamp_ns: int) -> Step:
+    def _judge(self, stamp_ns: int) -> Advance:
         last_ns = self._last_ns
         if stamp_ns == 0:
-            return Step.ZERO
+            return Advance.ZERO
         if last_ns is None:
-            return Step.STEADY
+            return Advance.STEADY
         if stamp_ns <= last_ns:
-            return Step.SAME if stamp_ns == last_ns else Step.BACK
-        return Step.AHEAD if stamp_ns - last_ns > _FAR_NS else Step.STEADY
+            return Advance.SAME if stamp_ns == last_ns else Advance.BACK
+        return Advance.AHEAD if stamp_ns - last_ns > _FAR_NS else Advance.STEADY

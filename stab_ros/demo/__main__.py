@@ -12,14 +12,14 @@ from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
+from stab_ros.cli.options import Parser, positive_float
 from stab_ros.core.errors import InputError, StabRosError, WorkError
+from stab_ros.core.text import one_line
 from stab_ros.demo.replay import Replay, replay
 from stab_ros.demo.stages import stage
 from stab_ros.demo.verdict import Files, Verdict, reach
-from stab_ros.io.compiling import compile_shown
 from stab_ros.io.homographies import read_homographies
-from stab_ros.io.text import one_line
-from stab_ros.options import Parser, positive_float
+from stab_ros.jobs.compiling import compile_shown
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample.mcap"
 TRUTH = SAMPLE.with_name("sample_truth.csv")
@@ -73,7 +73,7 @@ def run(folder: Path, rate: float) -> Verdict:
 
 def _compile() -> str:
     """Before the nodes start, each of which would else do it on its own."""
-    import_module("stab_ros.io.engine")  # which needs all of them
+    import_module("stab_ros.parameters.engines")  # which needs all of them
     done = compile_shown()
     return f"{done.total} kernels, {done.compiled} of them new"
 

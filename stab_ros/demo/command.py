@@ -13,7 +13,7 @@ from stab_ros.core.types import Homography
 from stab_ros.demo.result import Answers
 from stab_ros.demo.stages import bar
 from stab_ros.io.homographies import HomographyRow, read_homographies
-from stab_ros.io.offline import Job, stabilize
+from stab_ros.jobs.stabilize import Job, stabilize
 
 
 def as_command(recording: Path, table: Path) -> list[HomographyRow]:

@@ -7,17 +7,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from stab_ros.core.config import Value
 from stab_ros.core.errors import InputError
-from stab_ros.core.frame_metrics import UNITS
+from stab_ros.core.settings import Value
+from stab_ros.core.text import number
 from stab_ros.demo.replay import METRICS, RAW, STABILIZED
 from stab_ros.demo.stages import bar
+from stab_ros.evaluation.frame_metrics import UNITS
 from stab_ros.io.bag import open_bag
-from stab_ros.io.evaluation import Evaluation, EvaluationJob, TopicEvaluation, evaluate
-from stab_ros.io.evaluation_outputs import writers_of
 from stab_ros.io.messages import read_stamp, read_values
-from stab_ros.io.result_outputs import ResultOutputs
-from stab_ros.io.text import number
+from stab_ros.jobs.evaluate import Evaluation, EvaluationJob, TopicEvaluation, evaluate
+from stab_ros.jobs.evaluate_outputs import writers_of
+from stab_ros.jobs.result_outputs import ResultOutputs
 
 _SHOWN = ("displacement_reference_px", "displacement_previous_px", "rmse_reference_px", "rmse_previous_px",
           "velocity_error_m_s")

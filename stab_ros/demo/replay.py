@@ -18,8 +18,8 @@ from rclpy.qos import HistoryPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import CameraInfo
 
-from stab_ros.core.config import Value
 from stab_ros.core.errors import WorkError
+from stab_ros.core.settings import Value
 from stab_ros.demo.news import News
 from stab_ros.demo.processes import PLAYER, Node, started
 from stab_ros.demo.stages import bar

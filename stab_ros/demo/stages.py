@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from stab_ros.io.bars import make_bar
+from stab_ros.jobs.progress_bar import make_bar
 
 
 @dataclass

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from stab_ros.core.config import Value
 from stab_ros.core.errors import StabRosError
+from stab_ros.core.settings import Value
 from stab_ros.demo.checks import Check, checks, judging_check
 from stab_ros.demo.command import apart, as_command
 from stab_ros.demo.judgement import Judgement, judge

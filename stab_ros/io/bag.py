@@ -10,11 +10,11 @@ from typing import Any
 import yaml
 
 from stab_ros.core.errors import InputError
+from stab_ros.core.text import one_line
 from stab_ros.io.bag_types import BagReader, Message, Topic, definition_of, topic_of
 from stab_ros.io.bag_writer import BagWriter
 from stab_ros.io.mcap_reader import McapReader
 from stab_ros.io.rosbags_reader import RosbagsReader
-from stab_ros.io.text import one_line
 
 __all__ = ["BagReader", "BagWriter", "Message", "Topic", "definition_of", "open_bag", "topic_of"]
 

@@ -15,9 +15,9 @@ from types import TracebackType
 import numpy as np
 
 from stab_ros.core.errors import InputError, WorkError
+from stab_ros.core.text import number, one_line
 from stab_ros.core.types import Homography, State, Track
 from stab_ros.io.points import table_rows
-from stab_ros.io.text import number, one_line
 
 ELEMENTS = tuple(f"h{row}{column}" for row in range(3) for column in range(3))
 COLUMNS = ("frame", "stamp_ns", "status", *ELEMENTS)

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stab_ros.core.errors import InputError
+from stab_ros.core.text import one_line
 from stab_ros.io.bag_types import Message, Topic
 from stab_ros.io.mcap_file import Block, McapFile
 from stab_ros.io.mcap_records import RecordedMessage
-from stab_ros.io.text import one_line
 
 _BEFORE_ALL = -1
 

@@ -16,15 +16,15 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.stores import ros2_jazzy as ros
 
-from stab_ros.core.camera import Camera
 from stab_ros.core.errors import InputError, MessageError
-from stab_ros.core.frame_metrics import POINT_METRICS, UNITS, FrameMetrics, Outcome
-from stab_ros.core.static_map import StaticMap
+from stab_ros.core.text import number
 from stab_ros.core.types import FloatArray, Frame, Homography, Image, Track
-from stab_ros.core.window import Window
+from stab_ros.evaluation.frame_metrics import POINT_METRICS, UNITS, FrameMetrics, Outcome
+from stab_ros.imaging.camera import Camera
+from stab_ros.imaging.window import Window
 from stab_ros.io.new_bytes import new_bytes
 from stab_ros.io.pixels import decode_compressed, decode_image
-from stab_ros.io.text import number
+from stab_ros.tracking.static_map import StaticMap
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore

@@ -13,10 +13,10 @@ from typing import IO
 
 import numpy as np
 
-from stab_ros.core.config import Value
 from stab_ros.core.errors import InputError
+from stab_ros.core.settings import Value
+from stab_ros.core.text import one_line
 from stab_ros.core.types import NO_POINTS, FloatArray
-from stab_ros.io.text import one_line
 
 COLUMNS = ("name", "x", "y")
 _MAX_POINTS = 100_000

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stab_ros.core.errors import InputError, MessageError
-from stab_ros.core.static_map import StaticMap
 from stab_ros.core.types import Frame, State, Track
 from stab_ros.io.bag import BagWriter, open_bag, topic_of
 from stab_ros.io.messages import (
@@ -20,6 +19,7 @@ from stab_ros.io.messages import (
     static_map_cdr,
     track_cdr,
 )
+from stab_ros.tracking.static_map import StaticMap
 
 _TYPES = {"/reference_image": IMAGE, "/static_map": IMAGE, "/track": DIAGNOSTIC_ARRAY, "/camera_info": CAMERA_INFO}
 _NEEDED = frozenset(_TYPES) - {"/camera_info"}

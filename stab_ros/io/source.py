@@ -11,9 +11,9 @@ from enum import Enum
 from pathlib import Path
 from typing import Protocol
 
-from stab_ros.core.camera import Camera
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.types import Frame
+from stab_ros.imaging.camera import Camera
 from stab_ros.io.bag import BagReader, Message, Topic, open_bag, topic_of
 from stab_ros.io.messages import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, read_camera, read_image, read_stamp
 from stab_ros.io.video import (

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from stab_ros.core.types import BoolArray, FloatArray, Gray, IdArray
-from stab_ros.methods import _spread
+from stab_ros.methods import spread
 
 _QUALITY = 1e-3  # of the strongest Harris corner; weaker ones are none
 
@@ -23,9 +23,9 @@ def manual(points_px: FloatArray, side: int) -> FloatArray:
 def even(gray: Gray, allowed: BoolArray, count: int, side: int, margin: int, min_texture: float) -> FloatArray:
     """(n, 2) px: at most `count` places, the best textured of each cell of an even grid.
 
-    side: of the area, px. margin: px kept clear of the picture's border. min_texture: see `_spread.texture`.
+    side: of the area, px. margin: px kept clear of the picture's border. min_texture: see `spread.texture`.
     """
-    centres = _spread.choose(gray, _clear(allowed, margin), count, side // 2, min_texture)
+    centres = spread.choose(gray, _clear(allowed, margin), count, side // 2, min_texture)
     return _centred(centres, side)
 
 
@@ -34,7 +34,7 @@ def corners(gray: Gray, allowed: BoolArray, count: int, side: int, margin: int, 
 
     Four points there determine a homography best, and a river seldom covers all four corners of its picture.
     """
-    score = _spread.texture(gray, side // 2)
+    score = spread.texture(gray, side // 2)
     score[~_clear(allowed, margin)] = 0
     rows, columns = np.flatnonzero(score.any(axis=1)), np.flatnonzero(score.any(axis=0))
     if not len(rows):

@@ -9,9 +9,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from stab_ros.core import estimators
 from stab_ros.core.geometry import apply, inside
 from stab_ros.core.types import Correspondences, FloatArray, Homography, IdArray
+from stab_ros.estimation import estimators
 
 _THRESHOLD_PX = 1.0
 

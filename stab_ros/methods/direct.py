@@ -16,13 +16,13 @@ from typing import Any, ClassVar
 import cv2
 import numpy as np
 
-from stab_ros.core import estimators
-from stab_ros.core.config import Checked, setting
 from stab_ros.core.geometry import apply, level_scale, normalized, rms_distance
-from stab_ros.core.models import MODELS, minimal_points
+from stab_ros.core.settings import Checked, setting
 from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray
-from stab_ros.methods import _patches, _spread
-from stab_ros.methods._patches import Patches
+from stab_ros.estimation import estimators
+from stab_ros.estimation.models import MODELS, minimal_points
+from stab_ros.methods import spread
+from stab_ros.methods.patches import Patches, cut_patches, measure_patches
 
 _COARSEST_PX = 60  # no pyramid level has a side shorter than this
 _COARSE_PATCHES = 150  # of each coarser level
@@ -102,21 +102,21 @@ class Direct:
         self._config = config
         pyramid = build_pyramid(reference)
         if len(points_px):
-            centres = _spread.within(np.round(points_px).astype(np.int64), reference.shape, config.radius)
+            centres = spread.within(np.round(points_px).astype(np.int64), reference.shape, config.radius)
         else:
-            centres = _spread.choose(reference, allowed, config.patches, config.radius, config.min_texture)
+            centres = spread.choose(reference, allowed, config.patches, config.radius, config.min_texture)
         if config.subset != "all":
             centres = centres[config.subset == "odd" :: 2]
-        self._fine = _patches.cut(reference, centres, config.radius)
+        self._fine = cut_patches(reference, centres, config.radius)
         self.reference_px: FloatArray = self._fine.centres.astype(np.float64)
         self._coarse = [self._level(pyramid[k], allowed, k) for k in range(len(pyramid) - 1, 0, -1)]
 
     def _level(self, gray: Gray, allowed: BoolArray, level: int) -> Level:
         radius = self._config.radius
         small = cv2.resize(allowed.astype(np.uint8), gray.shape[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
-        centres = _spread.choose(gray, small, _COARSE_PATCHES, radius, self._config.min_texture)
+        centres = spread.choose(gray, small, _COARSE_PATCHES, radius, self._config.min_texture)
         scale = level_scale(level)
-        patches = _patches.cut(gray, centres, radius)
+        patches = cut_patches(gray, centres, radius)
         apart = np.abs(apply(scale, self.reference_px)[None] - patches.centres[:, None]).max(axis=2, initial=0)
         return Level(patches, scale, np.argwhere(apart <= radius))
 
@@ -172,7 +172,7 @@ class Direct:
     def _look(self, patches: Patches, chosen: IdArray, gray: Gray, H: Homography) -> Correspondences:
         """Those of the chosen patches that are found again near where H says they are."""
         cur_H_ref = np.linalg.inv(H)
-        measured = _patches.measure(patches, chosen, gray, cur_H_ref)
+        measured = measure_patches(patches, chosen, gray, cur_H_ref)
         near = np.abs(measured.displacement).max(axis=1, initial=0) <= _LINEAR_PX
         found = near & (measured.correlation >= self._config.min_correlation)
         reference_px = patches.centres[chosen[found]].astype(np.float64)

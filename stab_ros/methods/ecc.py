@@ -14,11 +14,12 @@ from typing import Any, ClassVar
 import cv2
 import numpy as np
 
-from stab_ros.core.config import Checked, setting
 from stab_ros.core.geometry import apply, is_plausible, level_scale, normalized
+from stab_ros.core.settings import Checked, setting
 from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography
-from stab_ros.methods import _patches, _spread
+from stab_ros.methods import spread
 from stab_ros.methods.direct import build_pyramid
+from stab_ros.methods.patches import cut_patches, measure_patches
 
 _RADIUS_PX = 8  # half the side of a patch
 _COUNT = 2400  # patches
@@ -60,8 +61,8 @@ class Ecc:
                  points_px: FloatArray = NO_POINTS) -> None:
         """reference: (h, w) uint8. allowed: (h, w) bool, what is static. It takes no `points_px`."""
         self._config = config
-        centres = _spread.choose(reference, allowed, _COUNT, _RADIUS_PX, config.min_texture)
-        self._patches = _patches.cut(reference, centres, _RADIUS_PX)
+        centres = spread.choose(reference, allowed, _COUNT, _RADIUS_PX, config.min_texture)
+        self._patches = cut_patches(reference, centres, _RADIUS_PX)
         self.reference_px: FloatArray = self._patches.centres.astype(np.float64)
         pyramid = build_pyramid(reference)[: config.levels]
         self._levels = [_level(gray, allowed, k) for k, gray in enumerate(pyramid)]
@@ -102,7 +103,7 @@ class Ecc:
             nothing = np.zeros((0, 2))
             return Correspondences(np.zeros(0, np.int64), nothing, nothing, np.zeros((0, 2, 2)))
         cur_H_ref = np.linalg.inv(H)
-        measured = _patches.measure(self._patches, np.arange(len(self._patches)), current, cur_H_ref)
+        measured = measure_patches(self._patches, np.arange(len(self._patches)), current, cur_H_ref)
         near = np.hypot(*measured.displacement.T) <= _FARTHEST_PX
         found = np.flatnonzero(near & (measured.correlation >= self._config.min_correlation))
         reference_px = self.reference_px[found]

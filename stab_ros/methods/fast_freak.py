@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import cv2
 import numpy as np
 
-from stab_ros.core.config import Checked, setting
+from stab_ros.core.settings import Checked, setting
 from stab_ros.core.types import NO_POINTS, BoolArray, FloatArray, Gray, IdArray
 from stab_ros.methods._descriptors import DescriptorMethod, Features, Rule, contrib, spread, within
 

@@ -25,8 +25,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from stab_ros.core.config import Checked, setting
 from stab_ros.core.errors import ConfigError
+from stab_ros.core.settings import Checked, setting
 from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray
 from stab_ros.methods import _agreement, _peaks, _places
 from stab_ros.methods._areas import Maps, sample

@@ -18,11 +18,11 @@ from typing import Any, ClassVar
 import cv2
 import numpy as np
 
-from stab_ros.core.config import Checked, setting
 from stab_ros.core.errors import ConfigError
 from stab_ros.core.geometry import apply, inside
+from stab_ros.core.settings import Checked, setting
 from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray
-from stab_ros.methods import _spread
+from stab_ros.methods import spread
 
 # Of one corner, followed with a window of 21 px; measured on synthetic scenes with 2 grey levels of noise. It falls
 # with the root of the window's side.
@@ -126,7 +126,7 @@ def _chosen(reference: Gray, allowed: BoolArray, config: KltConfig) -> FloatArra
     if config.selection == "quadrants":
         return strongest_of_quadrants(reference, allowed, config.share, config.min_quality).astype(np.float32)
     radius = config.blocks[0] // 2
-    return _spread.choose(reference, allowed, config.corners, radius, config.min_texture).astype(np.float32)
+    return spread.choose(reference, allowed, config.corners, radius, config.min_texture).astype(np.float32)
 
 
 def strongest_of_quadrants(gray: Gray, allowed: BoolArray, share: float, min_quality: float) -> IdArray:

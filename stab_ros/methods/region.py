@@ -18,8 +18,8 @@ from typing import Any, ClassVar
 import cv2
 import numpy as np
 
-from stab_ros.core.config import Checked, setting
 from stab_ros.core.errors import ConfigError
+from stab_ros.core.settings import Checked, setting
 from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray, Image
 from stab_ros.methods import _agreement, _places, _planar
 from stab_ros.methods._areas import Maps, sample

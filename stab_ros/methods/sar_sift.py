@@ -12,10 +12,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from stab_ros.core import estimators
-from stab_ros.core.config import Checked, setting
 from stab_ros.core.geometry import apply, is_plausible
+from stab_ros.core.settings import Checked, setting
 from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography
+from stab_ros.estimation import estimators
 from stab_ros.methods import _ratio_descriptor, _refine, _roewa
 from stab_ros.methods._descriptors import DescriptorMethod, Features, Rule, spread, within
 

@@ -15,7 +15,7 @@ from stab_ros.metrics.verification import VerificationPoint
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class PointComparison:
     """For P points, NaN where a window could not be used. beyond: (P,) bool, past the range of d(RMSD)."""
 
     rmsd: FloatArray
@@ -25,7 +25,7 @@ class Comparison:
 
 
 def compare(points: Sequence[VerificationPoint], before: FloatArray, after: FloatArray, followed: FloatArray,
-            moved_px: FloatArray, usable: BoolArray, noise_variance: FloatArray) -> Comparison:
+            moved_px: FloatArray, usable: BoolArray, noise_variance: FloatArray) -> PointComparison:
     """Windows (P, N, N) of two pictures: `before`, `after` in the same place, and `followed`, after the shift (or NaN).
 
     moved_px: (P, 2) that shift. noise_variance: (P,) of both together, grey levels^2. RMSD is Eq. 2 of Ljubicic et al.
@@ -33,7 +33,7 @@ def compare(points: Sequence[VerificationPoint], before: FloatArray, after: Floa
     of RMSD^2.
     """
     count = len(points)
-    found = Comparison(np.full(count, np.nan), np.full(count, np.nan), np.zeros(count, bool), 0.0)
+    found = PointComparison(np.full(count, np.nan), np.full(count, np.nan), np.zeros(count, bool), 0.0)
     if not usable.any():
         return found
     light = brightness(before[usable], after[usable])
@@ -44,7 +44,7 @@ def compare(points: Sequence[VerificationPoint], before: FloatArray, after: Floa
         calibration = points[i].calibration
         found.displacement_px[i] = calibration.displacement_towards_px(float(moved[i]), moved_px[i])
         found.beyond[i] = bool(calibration.beyond(moved[i]))
-    return Comparison(found.rmsd, found.displacement_px, found.beyond, light.change)
+    return PointComparison(found.rmsd, found.displacement_px, found.beyond, light.change)
 
 
 def _unexplained(left: FloatArray, kept: FloatArray, noise_variance: FloatArray) -> FloatArray:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections import deque
 
-from stab_ros.core.evaluation import Arrival
 from stab_ros.core.types import Frame
+from stab_ros.evaluation.evaluator import Arrival
 
 
 class Backlog:

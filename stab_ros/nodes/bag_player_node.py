@@ -14,8 +14,8 @@ from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 from tqdm import tqdm
 
-from stab_ros.core.config import Checked, setting
 from stab_ros.core.errors import InputError
+from stab_ros.core.settings import Checked, setting
 from stab_ros.io.bag import BagReader, Message, open_bag
 from stab_ros.io.messages import COMPRESSED_IMAGE, IMAGE, OK, SECOND_NS
 from stab_ros.nodes import params

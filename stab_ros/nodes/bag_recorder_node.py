@@ -9,8 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from stab_ros.core.config import Checked, setting
 from stab_ros.core.errors import ConfigError, InputError, WorkError
+from stab_ros.core.settings import Checked, setting
 from stab_ros.io.bag import BagWriter, topic_of
 from stab_ros.io.messages import ERROR, OK
 from stab_ros.nodes import params

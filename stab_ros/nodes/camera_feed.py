@@ -8,8 +8,8 @@ import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo
 
-from stab_ros.core.camera import Camera
 from stab_ros.core.errors import InputError
+from stab_ros.imaging.camera import Camera
 from stab_ros.io.messages import read_camera
 from stab_ros.nodes.qos import AdaptiveSubscription, keep_all_offered
 

@@ -12,17 +12,16 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Float64
 
-from stab_ros.core.config import Checked, Value, setting
 from stab_ros.core.errors import InputError, MessageError
-from stab_ros.core.evaluation import Arrival, Evaluator
-from stab_ros.core.findings import Level, findings
-from stab_ros.core.frame_metrics import FrameMetrics, Outcome
 from stab_ros.core.gray import without_colour
 from stab_ros.core.kernels import Compilation, compile_kernels
 from stab_ros.core.memory import give_back_memory
-from stab_ros.core.parameters import EVALUATOR_PARAMETERS, evaluator_config
+from stab_ros.core.settings import Checked, Value, setting
 from stab_ros.core.types import Frame
-from stab_ros.io.engine import make_evaluator
+from stab_ros.evaluation.evaluator import Arrival, Evaluator
+from stab_ros.evaluation.findings import Level, findings
+from stab_ros.evaluation.frame_metrics import FrameMetrics, Outcome
+from stab_ros.evaluation.pairing import Pairing
 from stab_ros.io.messages import (
     IMAGE,
     SECOND_NS,
@@ -33,7 +32,6 @@ from stab_ros.io.messages import (
     read_image,
     read_size,
 )
-from stab_ros.io.pairing import Pairing
 from stab_ros.nodes import params
 from stab_ros.nodes.backlog import Backlog
 from stab_ros.nodes.evaluator_status import EvaluatorStatus
@@ -41,6 +39,8 @@ from stab_ros.nodes.outlet import Outlet
 from stab_ros.nodes.qos import AdaptiveSubscription, Choice, keep_all_offered, latest_latched
 from stab_ros.nodes.runtime import StabNode
 from stab_ros.nodes.spinner import Spinner
+from stab_ros.parameters.engines import make_evaluator
+from stab_ros.parameters.table import EVALUATOR_PARAMETERS, evaluator_config
 
 _IMAGE, _HOMOGRAPHY, _REFERENCE = "image_stabilized", "homography", "tracker_node/reference_image"
 _LOOK_NS = SECOND_NS // 10  # how often publishers and the level are looked at

@@ -7,10 +7,10 @@ from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from stab_ros.core.evaluation import Arrival
-from stab_ros.core.findings import Finding, Level, frame_name
-from stab_ros.core.frame_metrics import UNITS, FrameMetrics, Outcome
-from stab_ros.io.text import number
+from stab_ros.core.text import number
+from stab_ros.evaluation.evaluator import Arrival
+from stab_ros.evaluation.findings import Finding, Level, frame_name
+from stab_ros.evaluation.frame_metrics import UNITS, FrameMetrics, Outcome
 from stab_ros.metrics.statistics import summarize
 from stab_ros.nodes.silence import Silence
 from stab_ros.nodes.tracker_status import Report

@@ -11,9 +11,9 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from stab_ros.core.config import Range, Value, checked
 from stab_ros.core.errors import ConfigError, InputError
-from stab_ros.core.parameters import Parameter, parameters_of
+from stab_ros.core.settings import Range, Value, checked
+from stab_ros.parameters.table import Parameter, parameters_of
 
 _OF_ROS = ("use_sim_time", "start_type_description_service")
 _LARGEST_INTEGER = 2**63 - 1

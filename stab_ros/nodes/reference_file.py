@@ -7,8 +7,8 @@ from pathlib import Path
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from stab_ros.core.errors import InputError, StabRosError
-from stab_ros.core.stabilizer import Stabilizer
 from stab_ros.io.saved_reference import SavedReference, load_reference, save_reference
+from stab_ros.tracking.stabilizer import Stabilizer
 
 
 class ReferenceFile:
@@ -54,7 +54,7 @@ class ReferenceFile:
     def keep(self, stabilizer: Stabilizer, camera_info: bytes | None) -> str:
         """Writes what the file does not hold yet, once its ground is known; why that failed, "" if it did not."""
         state = stabilizer.reference, stabilizer.reset_counter
-        if self._path is None or stabilizer.deferring or state == self._kept:
+        if self._path is None or stabilizer.buffering or state == self._kept:
             return ""
         reference, static_map = stabilizer.reference, stabilizer.static_map
         if reference is None or static_map is None:

@@ -27,8 +27,8 @@ from rclpy.signals import SignalHandlerOptions
 from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.kernels import Compilation
 from stab_ros.core.memory import keep_freed_memory
-from stab_ros.io.compiling import not_kept
 from stab_ros.io.messages import WARN, diagnostics_cdr
+from stab_ros.jobs.compiling import not_kept
 from stab_ros.nodes import log_folder
 from stab_ros.nodes.compiling import Compiling
 from stab_ros.nodes.free_time import FreeTime

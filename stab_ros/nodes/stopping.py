@@ -15,7 +15,7 @@ from types import FrameType
 from typing import NoReturn
 
 from stab_ros.core.errors import InputError, StabRosError
-from stab_ros.io.text import one_line
+from stab_ros.core.text import one_line
 
 
 class StopRequest:

@@ -14,19 +14,12 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
-from stab_ros.core.config import Checked, Value, setting
-from stab_ros.core.debug import draw_debug
-from stab_ros.core.deferral import Ground
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.kernels import Compilation, compile_kernels
 from stab_ros.core.memory import give_back_memory
-from stab_ros.core.parameters import PARAMETERS, check_change, table_with_preset
-from stab_ros.core.reference import SMALLEST_PX
-from stab_ros.core.stabilizer import Stabilizer
-from stab_ros.core.static_map import StaticMap
-from stab_ros.core.timeline import Step
+from stab_ros.core.settings import Checked, Value, setting
+from stab_ros.core.timeline import Advance
 from stab_ros.core.types import Frame, State, Track
-from stab_ros.io.engine import make_stabilizer, reconfigure
 from stab_ros.io.messages import (
     COMPRESSED_IMAGE,
     IMAGE,
@@ -50,6 +43,13 @@ from stab_ros.nodes.runtime import StabNode
 from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.stamp_watch import StampWatch
 from stab_ros.nodes.tracker_status import TrackerStatus
+from stab_ros.parameters.engines import make_stabilizer, reconfigure
+from stab_ros.parameters.table import PARAMETERS, check_change, table_with_preset
+from stab_ros.tracking.debug_image import draw_debug
+from stab_ros.tracking.reference import SMALLEST_PX
+from stab_ros.tracking.stabilizer import Stabilizer
+from stab_ros.tracking.start_buffer import GroundState
+from stab_ros.tracking.static_map import StaticMap
 
 _LOOK_NS = SECOND_NS // 10  # how often subscribers and publishers are looked at
 _WARN_EVERY_S = 5.0
@@ -110,7 +110,7 @@ class TrackerNode(StabNode):
         self._waiting: dict[int, _Waiting] = {}  # frames that are not answered yet, by index
         self._published_reference: Frame | None = None
         self._published_map: StaticMap | None = None
-        self._ground = Ground.UNDECIDED  # when we last looked
+        self._ground = GroundState.UNDECIDED  # when we last looked
         self._make_outlets(lossless=self.settings.queue_depth == 0)
         self.create_service(Trigger, "~/reset_reference", self._reset_reference)
         params.LiveChanges(self, PARAMETERS, self._change)
@@ -176,10 +176,10 @@ class TrackerNode(StabNode):
     def _tell_ground(self) -> None:
         """What frames of a start were answered by, where that was too little."""
         before, self._ground = self._ground, self.stabilizer.ground
-        if self._ground is Ground.PROVISIONAL and before is not self._ground:
+        if self._ground is GroundState.PROVISIONAL and before is not self._ground:
             self._warn("provisional", "frames were answered as no more came, before enough was seen to tell what is "
                        "ground; that is decided when images return")
-        if before is Ground.PROVISIONAL and before is not self._ground:
+        if before is GroundState.PROVISIONAL and before is not self._ground:
             self._warn("decided", "what is ground was decided anew, frames before were answered by what was seen "
                        f"then; reset_counter is {self.stabilizer.reset_counter}")
 
@@ -211,7 +211,7 @@ class TrackerNode(StabNode):
             frame = _read(cdr, self._image_type)
             if self._stamps.is_duplicate(frame.stamp_ns):
                 self.status.on_dropped(1)
-                self._warn_of(Step.SAME)
+                self._warn_of(Advance.SAME)
                 return
             tracks = self.stabilizer.answers(frame)
         except InputError as error:
@@ -232,7 +232,7 @@ class TrackerNode(StabNode):
             self._warn("gap", f"images again after {gap_s:.1f} s without any, at stamp {frame.stamp_ns} ns")
         self._warn_of(self._stamps.take(frame.stamp_ns))
 
-    def _warn_of(self, step: Step) -> None:
+    def _warn_of(self, step: Advance) -> None:
         text = self._stamps.words(step)
         if text:
             self._warn(step.value, text)

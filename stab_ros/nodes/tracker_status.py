@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from stab_ros.core.deferral import Ground
-from stab_ros.core.ground_choice import Rival
-from stab_ros.core.parallax import Relief
+from stab_ros.core.text import number
 from stab_ros.core.types import Track
 from stab_ros.io.messages import ERROR, OK, WARN
-from stab_ros.io.text import number
 from stab_ros.nodes.silence import Silence
+from stab_ros.tracking.ground_choice import CompetingHypothesis
+from stab_ros.tracking.parallax import Relief
+from stab_ros.tracking.start_buffer import GroundState
 
 
 @dataclass(frozen=True)
@@ -29,11 +29,11 @@ class TrackerStatus:
     def __init__(self, method: str, stale_ns: int) -> None:
         self.method = method
         self.waiting_for = "image"
-        self.rival: Rival | None = None  # what may be the ground as well
+        self.rival: CompetingHypothesis | None = None  # what may be the ground as well
         self.relief: Relief | None = None  # what shows that the ground is no plane
         self.stamps: Mapping[str, str] = {}  # counts of odd ones
         self.before = 0  # images published before the first that reached us
-        self.ground = Ground.UNDECIDED
+        self.ground = GroundState.UNDECIDED
         self.silence = Silence(stale_ns)
         self._received = self._tracked = self._lost = self._dropped = self._refused = 0
         self._remarks: dict[str, str] = {}  # by kind, until the next report

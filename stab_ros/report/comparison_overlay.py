@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from stab_ros.core.camera import Camera
 from stab_ros.core.gray import depth_scale, to_gray
-from stab_ros.core.parameters import stabilizer_config
 from stab_ros.core.types import Frame, Gray, Image
-from stab_ros.core.warp import warp
-from stab_ros.io.comparison import Comparison, ComparisonJob, MethodResult
-from stab_ros.io.offline import Progress
+from stab_ros.imaging.camera import Camera
+from stab_ros.imaging.warp import warp
 from stab_ros.io.source import open_source
+from stab_ros.jobs.compare import Comparison, ComparisonJob, MethodResult
+from stab_ros.jobs.stabilize import Progress
+from stab_ros.parameters.table import stabilizer_config
 from stab_ros.report.numbers import Numbers
 from stab_ros.report.overlay import Pair, part, worst_place
 from stab_ros.report.panel import Panel, gray_of

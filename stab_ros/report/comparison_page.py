@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from stab_ros.io.comparison import Comparison, ComparisonJob
-from stab_ros.io.comparison_files import as_json
-from stab_ros.io.comparison_text import columns, heads
-from stab_ros.io.offline import Progress
+from stab_ros.jobs.compare import Comparison, ComparisonJob
+from stab_ros.jobs.compare_files import as_json
+from stab_ros.jobs.compare_text import columns, heads
+from stab_ros.jobs.stabilize import Progress
 from stab_ros.report.comparison_boxes import box_panels, cost_panels
 from stab_ros.report.comparison_overlay import overlay_panels
 from stab_ros.report.comparison_series import series_panels

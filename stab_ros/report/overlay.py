@@ -10,10 +10,10 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.patches import Rectangle
 
-from stab_ros.core.findings import frame_name
-from stab_ros.core.frame_metrics import FrameMetrics
 from stab_ros.core.types import Gray, Image
-from stab_ros.io.evaluation import TopicEvaluation
+from stab_ros.evaluation.findings import frame_name
+from stab_ros.evaluation.frame_metrics import FrameMetrics
+from stab_ros.jobs.evaluate import TopicEvaluation
 from stab_ros.report.numbers import Numbers
 from stab_ros.report.panel import Panel, drawn, gray_of, new_axes, picture_height_in, show_picture
 from stab_ros.report.pictures import Pictures

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from stab_ros.core.config import settings_of
-from stab_ros.core.evaluation import EvaluatorConfig
-from stab_ros.core.frame_metrics import UNITS
-from stab_ros.io.evaluation import Evaluation, EvaluationJob
-from stab_ros.io.evaluation_files import as_json
-from stab_ros.io.offline import Progress
+from stab_ros.core.settings import settings_of
+from stab_ros.evaluation.evaluator import EvaluatorConfig
+from stab_ros.evaluation.frame_metrics import UNITS
+from stab_ros.jobs.evaluate import Evaluation, EvaluationJob
+from stab_ros.jobs.evaluate_files import as_json
+from stab_ros.jobs.stabilize import Progress
 from stab_ros.report.boxes import box_panels
 from stab_ros.report.calibration import calibration_panels
 from stab_ros.report.maps import field_panels, point_panels

@@ -8,10 +8,10 @@ import cv2
 
 from stab_ros.core.gray import depth_scale, to_gray
 from stab_ros.core.types import Frame, Gray, Image
-from stab_ros.io.evaluation import Evaluation, EvaluationJob, TopicEvaluation
-from stab_ros.io.evaluation_streams import open_streams
-from stab_ros.io.offline import Progress
 from stab_ros.io.video_writer import to_bgr
+from stab_ros.jobs.evaluate import Evaluation, EvaluationJob, TopicEvaluation
+from stab_ros.jobs.evaluate_streams import open_streams
+from stab_ros.jobs.stabilize import Progress
 from stab_ros.report.panel import data_uri
 from stab_ros.report.sampling import leaves, partners, worst_frames
 

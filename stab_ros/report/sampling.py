@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stab_ros.core.frame_metrics import FrameMetrics
-from stab_ros.io.evaluation import TopicEvaluation
+from stab_ros.evaluation.frame_metrics import FrameMetrics
+from stab_ros.jobs.evaluate import TopicEvaluation
 
 _WORST = 3
 _BY = "displacement_reference_px", "rmse_reference_px"  # the first one that was measured

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from stab_ros.core.findings import frame_name
-from stab_ros.io.evaluation import Evaluation
+from stab_ros.evaluation.findings import frame_name
+from stab_ros.jobs.evaluate import Evaluation
 from stab_ros.report.pictures import Pictures
 from stab_ros.report.sampling import leaves, partners
 

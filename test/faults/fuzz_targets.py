@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from stab_ros.core.window import Window
+from stab_ros.imaging.window import Window
 from stab_ros.io import messages as m
 from stab_ros.io.bag import open_bag
-from stab_ros.io.engine import read_config
 from stab_ros.io.homographies import read_homographies
 from stab_ros.io.points import read_points, read_tracking_points
 from stab_ros.io.regions import read_area
 from stab_ros.io.static_maps import read_static_map
+from stab_ros.parameters.engines import read_config
 
 Read = Callable[[bytes], object]
 

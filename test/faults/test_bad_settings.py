@@ -11,7 +11,7 @@ from rcl_interfaces.srv import GetParameters
 from recordings import entries, write_mcap
 from stream import Stream
 
-from stab_ros.core.synthetic import Shot
+from stab_ros.synthetic.flight import Shot
 
 # polygons of a picture of 480x270, and what their refusal says
 POLYGONS = {

@@ -12,8 +12,8 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import CameraInfo, Image
 
 from stab_ros.core.errors import MessageError
-from stab_ros.core.synthetic import Shot
 from stab_ros.io.messages import read_camera
+from stab_ros.synthetic.flight import Shot
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 K = [400.0, 0.0, 240.0, 0.0, 400.0, 135.0, 0.0, 0.0, 1.0]

@@ -23,8 +23,8 @@ from recordings import entries, write_mcap
 from stabilised import table
 from std_msgs.msg import String
 
-from stab_ros.core.synthetic import Shot
 from stab_ros.io.bag import BagWriter, open_bag
+from stab_ros.synthetic.flight import Shot
 
 KB = 1000
 

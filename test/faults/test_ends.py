@@ -14,7 +14,7 @@ from recordings import entries, write_mcap
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
-from stab_ros.core.synthetic import Shot
+from stab_ros.synthetic.flight import Shot
 
 SHARED_MEMORY = Path("/dev/shm")
 NODES = ("tracker_node", "evaluator_node", "bag_player_node", "bag_recorder_node")

@@ -10,7 +10,7 @@ from live_graph import Graph, image_message
 from rclpy.serialization import serialize_message
 from stream import Stream
 
-from stab_ros.core.synthetic import Shot
+from stab_ros.synthetic.flight import Shot
 
 NO_DATA = array("B")
 # fields that are wrong, and the words that must name them

@@ -16,7 +16,7 @@ from pathlib import Path
 from ailing import needs_root, run
 
 import stab_ros
-import stab_ros.io.engine  # all kernels
+import stab_ros.parameters.engines  # all kernels
 from stab_ros.core.kernels import KERNELS
 
 ROOT = Path(stab_ros.__file__).parents[1]
@@ -27,7 +27,7 @@ import json, sys
 sys.path.insert(0, sys.argv[1])
 from test_kernels import seen
 from stab_ros.core.kernels import compile_kernels
-from stab_ros.io.engine import make_stabilizer
+from stab_ros.parameters.engines import make_stabilizer
 done, stabilizer = compile_kernels(), make_stabilizer({})
 tracks = [track for number in range(8) for track in stabilizer.answers(seen(number))] + stabilizer.finish()
 print(json.dumps([done.compiled, done.trouble, [track.ref_H_cur.tolist() for track in tracks]]))

@@ -11,7 +11,7 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image
 from stream import Stream
 
-from stab_ros.core.synthetic import Shot
+from stab_ros.synthetic.flight import Shot
 
 MS = 10**6
 BURST = 200

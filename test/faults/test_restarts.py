@@ -17,10 +17,10 @@ from std_srvs.srv import Trigger
 from stream import Stream
 from truth import picture, translation
 
-from stab_ros.core.static_map import StaticMap
-from stab_ros.core.synthetic import Shot
 from stab_ros.core.types import Frame
 from stab_ros.io.saved_reference import SavedReference, load_reference, save_reference
+from stab_ros.synthetic.flight import Shot
+from stab_ros.tracking.static_map import StaticMap
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 S, MS = 10**9, 10**6

@@ -13,7 +13,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo
 from stream import Stream
 
-from stab_ros.core.synthetic import Shot
+from stab_ros.synthetic.flight import Shot
 
 MS, DAY_NS, T0 = 10**6, 86_400 * 10**9, 1_700_000_000 * 10**9
 # stamps of frames 0, 1, 2, ... and what is counted of them

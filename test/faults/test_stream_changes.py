@@ -10,8 +10,8 @@ import pytest
 from live_graph import Graph, image_message
 from stream import Stream
 
-from stab_ros.core.synthetic import Shot
 from stab_ros.core.types import Gray
+from stab_ros.synthetic.flight import Shot
 
 MS = 10**6
 

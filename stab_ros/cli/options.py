@@ -1,0 +1,75 @@
+"""How the command line reads its options."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import NoReturn
+
+import yaml
+
+from stab_ros.core.text import one_line
+
+
+class Parser(argparse.ArgumentParser):
+    """Says in one line what is wrong with the usage, exit code 2."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {one_line(message)}; see {self.prog} --help\n")
+
+
+def positive_int(text: str) -> int:
+    """For argparse: a whole number above 0."""
+    if not text.isdecimal() or int(text) == 0:
+        raise argparse.ArgumentTypeError(f"{text!r} must be a whole number above 0")
+    return int(text)
+
+
+def positive_float(text: str) -> float:
+    """For argparse: a finite number above 0."""
+    number = _number(text)
+    if number is None or not 0 < number < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} must be a number above 0")
+    return number
+
+
+def seconds(text: str) -> float:
+    """For argparse: a finite number, 0 or above."""
+    number = _number(text)
+    if number is None or not 0 <= number < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} must be a number of seconds, 0 or above")
+    return number
+
+
+def names(text: str) -> tuple[str, ...]:
+    """For argparse: names between commas, at least one."""
+    found = tuple(name.strip() for name in text.split(","))
+    if not all(found):
+        raise argparse.ArgumentTypeError(f"{text!r} must be names between commas, as in direct,klt")
+    return found
+
+
+def assignment(text: str) -> tuple[str, object]:
+    """`name:=value`, as ROS reads it: the value is a YAML scalar; anything else is taken as it stands, a string."""
+    name, separator, value = text.partition(":=")
+    if not separator or not name:
+        raise argparse.ArgumentTypeError(f"{text!r} must be name:=value")
+    return name, _scalar(value)
+
+
+def _scalar(text: str) -> bool | int | float | str:
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError:
+        return text
+    if isinstance(value, str):  # YAML 1.1 wants a dot in 1e-3, ROS does not
+        number = _number(value) if value == text.strip() else None
+        return value if number is None else number
+    return value if isinstance(value, (bool, int, float)) else text
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None

@@ -1,0 +1,1 @@
+"""Fitting: homographies of every model from correspondences, with their covariance."""

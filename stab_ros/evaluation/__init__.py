@@ -1,0 +1,1 @@
+"""The evaluator: how still a stabilised stream stands, frame by frame."""

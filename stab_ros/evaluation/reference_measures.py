@@ -1,0 +1,119 @@
+"""Everything of an evaluation that depends on the reference alone, made once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stab_ros.core.gray import depth_scale, to_gray
+from stab_ros.core.region import Area
+from stab_ros.core.types import BoolArray, FloatArray, Frame, Gray, Homography, IdArray
+from stab_ros.metrics.alignment import follow
+from stab_ros.metrics.comparison import PointComparison, compare
+from stab_ros.metrics.correlation import Correlator
+from stab_ros.metrics.homologous import HomologousPoints
+from stab_ros.metrics.noise import NoiseGauge, interpolated_share
+from stab_ros.metrics.overlap import valid_overlap, windows_inside
+from stab_ros.metrics.rmsd import cut
+from stab_ros.metrics.velocity_field import VelocityField
+from stab_ros.metrics.verification import VerificationPoint, calibrated_points, choose_points
+
+if TYPE_CHECKING:
+    from stab_ros.evaluation.evaluator import EvaluatorConfig
+
+_AREA_PX = 64  # interrogation area around a verification point
+_USUAL_WINDOW_PX = 31  # Ljubicic et al. 2021, section 3.2
+NamedPoint = tuple[str, float, float]  # name, x and y in reference px
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A picture in the reference's place, as seen from P verification points. valid: (h, w) bool, the overlap.
+
+    windows: (P, N, N), usable: (P,) those within the overlap. shifts_px: (P, 2) against the reference, NaN where its
+    look was not found; searched: (P,) where it could be. noise_variance: (P,), grey levels^2.
+    """
+
+    gray: Gray
+    valid: BoolArray
+    windows: FloatArray
+    usable: BoolArray
+    shifts_px: FloatArray
+    searched: BoolArray
+    noise_variance: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceMeasures:
+    """The reference, and what measures others against it. centres_px: (P, 2) int64, of the verification points.
+
+    view: of the reference itself.
+    """
+
+    frame: Frame
+    grey_scale: float
+    points: tuple[VerificationPoint, ...]
+    centres_px: IdArray
+    window_px: int
+    gauge: NoiseGauge
+    correlator: Correlator
+    homologous: HomologousPoints
+    velocity: VelocityField
+    view: View
+
+    def view_of(self, frame: Frame, ref_H_cur: Homography | None) -> View:
+        """`frame`, of the reference's size; ref_H_cur: what brought it into place, if known."""
+        gray = to_gray(frame, self.grey_scale)
+        valid = valid_overlap(gray, ref_H_cur)
+        searched = windows_inside(valid, self.correlator.areas_px, self.correlator.window_px)
+        shifts_px = self.correlator.shifts(gray, searched, valid)
+        usable = windows_inside(valid, self.centres_px, self.window_px)
+        return View(gray, valid, cut(gray, self.centres_px, self.window_px), usable, shifts_px, searched,
+                    self._noise_variance(gray, ref_H_cur))
+
+    def _noise_variance(self, gray: Gray, ref_H_cur: Homography | None) -> FloatArray:
+        """Warping averages neighbours, which hides noise from the gauge; what bilinear warping leaves is known."""
+        measured = np.full(len(self.points), self.gauge.sigma(gray) ** 2)
+        if ref_H_cur is None:
+            return measured
+        share = interpolated_share(ref_H_cur, self.centres_px, self.window_px)
+        return np.asarray(np.maximum(measured, share * self.view.noise_variance))
+
+    def compare(self, before: View, after: View) -> PointComparison:
+        """The windows of two pictures."""
+        moved_px = after.shifts_px - before.shifts_px
+        return compare(self.points, before.windows, after.windows,
+                       follow(after.gray, self.centres_px, self.window_px, moved_px),
+                       moved_px, before.usable & after.usable,
+                       before.noise_variance + after.noise_variance)
+
+
+def measures_of(frame: Frame, config: EvaluatorConfig, named_points: Sequence[NamedPoint],
+                area: Area) -> ReferenceMeasures:
+    """The scene whose reference is `frame`; its verification points are the named ones, if any, else chosen.
+
+    Raises:
+        InputError: a region or a named point does not fit the picture.
+    """
+    scale = depth_scale(frame)
+    gray = to_gray(frame, scale)
+    gauge = NoiseGauge(gray)
+    sigma = gauge.sigma(gray)
+    allowed = area.allowed(frame.size) & valid_overlap(gray, None)
+    points = (calibrated_points(gray, named_points, config.window_px, sigma) if named_points
+              else choose_points(gray, allowed, config.points, config.window_px, sigma))
+    centres_px = np.array([(point.x_px, point.y_px) for point in points], np.int64).reshape(-1, 2)
+    window_px = points[0].calibration.window_px if points else config.window_px or _USUAL_WINDOW_PX
+    return ReferenceMeasures(
+        frame, scale, points, centres_px, window_px, gauge, Correlator(gray, centres_px, _AREA_PX),
+        HomologousPoints(gray, allowed), VelocityField(gray, allowed, config.svf_columns, config.svf_rows),
+        _still(gray, centres_px, window_px, sigma))
+
+
+def _still(gray: Gray, centres_px: IdArray, window_px: int, sigma: float) -> View:
+    count = len(centres_px)
+    return View(gray, np.ones(gray.shape, bool), cut(gray, centres_px, window_px), np.ones(count, bool),
+                np.zeros((count, 2)), np.ones(count, bool), np.full(count, sigma**2))

@@ -1,0 +1,94 @@
+"""The camera as sensor_msgs/CameraInfo describes it, and the removal of its lens distortion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from stab_ros.core.downscale import Downscaling
+from stab_ros.core.errors import InputError
+from stab_ros.core.types import BoolArray, FloatArray, Homography, Image
+from stab_ros.imaging.lens import Lens, Maps, lens_maps, make_lens
+
+# how many distortion coefficients a model may have (sensor_msgs/distortion_models.hpp)
+COEFFICIENTS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8, 12, 14), "equidistant": (4,)}
+_MARGIN_PX = 16  # that features keep from what the picture does not show, beyond their own reach
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """K: (3, 3) float64 intrinsics, px. D: (n,) float64 distortion of `model`. size: width, height, px.
+
+    Raises:
+        InputError: K or D is not finite, a focal length is not positive, the model is unknown or D does not fit it.
+    """
+
+    K: FloatArray
+    D: FloatArray
+    model: str
+    size: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        if self.K.shape != (3, 3) or not (np.isfinite(self.K).all() and np.isfinite(self.D).all()):
+            raise InputError("camera_info: K must be 3x3 and K and D finite")
+        if self.K[0, 0] <= 0 or self.K[1, 1] <= 0 or tuple(self.K[2]) != (0.0, 0.0, 1.0):
+            raise InputError("camera_info: K is not calibrated, it must have positive focal lengths "
+                             "and a last row 0 0 1")
+        if len(self.D) and len(self.D) not in COEFFICIENTS.get(self.model, ()):
+            raise InputError(f"camera_info: {len(self.D)} coefficients do not fit distortion_model {self.model!r}, "
+                             f"it must be one of {', '.join(COEFFICIENTS)}")
+
+    @property
+    def fisheye(self) -> bool:
+        return self.model == "equidistant" and len(self.D) > 0
+
+    @property
+    def distorts(self) -> bool:
+        """Whether a perfect lens would show another picture; a fisheye without coefficients would, too."""
+        return self.fisheye or bool(np.any(self.D))
+
+    def undistort(self, image: Image) -> Image:
+        """The picture as the same camera would see it through a perfect lens (same K, same size)."""
+        return _resampled(image, self._undistorting, cv2.INTER_LINEAR) if self.distorts else image
+
+    def rectify(self, image: Image, ref_H_cur: Homography, size: tuple[int, int], interpolation: int) -> Image:
+        """Distortion removed and `ref_H_cur` applied in one interpolation, as image_proc does with our camera_info."""
+        return _resampled(image, self._maps(ref_H_cur, size), interpolation)
+
+    def shrunk(self, shrinking: Downscaling) -> Camera:
+        """The camera that would take the small picture."""
+        width, height = (n >> shrinking.level for n in self.size)
+        return Camera(shrinking.scale @ self.K, self.D, self.model, (width, height))
+
+    @cached_property
+    def visible(self) -> BoolArray:
+        """(h, w) bool: where the undistorted picture shows something, well away from where it ends."""
+        shown = self.undistort(np.full((self.size[1], self.size[0]), 255, np.uint8)) == 255
+        if shown.all():
+            return np.asarray(shown)
+        kernel = np.ones((2 * _MARGIN_PX + 1, 2 * _MARGIN_PX + 1), np.uint8)
+        return np.asarray(cv2.erode(shown.astype(np.uint8), kernel, borderValue=1) > 0)
+
+    @cached_property
+    def _undistorting(self) -> Maps:
+        return self._maps(np.eye(3), self.size)
+
+    @cached_property
+    def _lens(self) -> Lens:
+        return make_lens(self.K, self.D, self.fisheye, self.size)
+
+    def _maps(self, ref_H_cur: Homography, size: tuple[int, int]) -> Maps:
+        """Where in the picture as taken each pixel of the result lies; OpenCV's are quicker, but know no limit."""
+        ray_M_pixel = np.linalg.inv(ref_H_cur @ self.K)
+        if self.fisheye or not self._lens.holds(ray_M_pixel, size):
+            return lens_maps(self._lens, ray_M_pixel, size)
+        rotation = np.linalg.inv(self.K) @ ref_H_cur @ self.K
+        x, y = cv2.initUndistortRectifyMap(self.K, self.D, rotation, self.K, size, cv2.CV_32FC1)
+        return np.asarray(x), np.asarray(y)
+
+
+def _resampled(image: Image, maps: Maps, interpolation: int) -> Image:
+    return np.asarray(cv2.remap(image, maps[0], maps[1], interpolation, borderMode=cv2.BORDER_CONSTANT))

@@ -1,0 +1,197 @@
+"""`stab-ros evaluate`: the evaluator over every frame of a recording, for each of its picture streams."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from stab_ros.core.errors import MessageError
+from stab_ros.core.kernels import Compiler, compile_kernels
+from stab_ros.core.settings import Value
+from stab_ros.core.types import BoolArray, Frame
+from stab_ros.evaluation.evaluator import Arrival, Evaluator, EvaluatorConfig
+from stab_ros.evaluation.frame_metrics import FrameMetrics, Outcome
+from stab_ros.evaluation.pairing import Pairing
+from stab_ros.io.bag import Message
+from stab_ros.io.messages import IMAGE, read_homography, read_image, read_size
+from stab_ros.io.source import Picture
+from stab_ros.jobs.evaluate_streams import Stream, expected_pictures, open_streams
+from stab_ros.jobs.stabilize import Progress
+from stab_ros.jobs.stage import Stage
+from stab_ros.metrics.statistics import Summary, summarize
+from stab_ros.metrics.velocity_field import Field, mean_field
+from stab_ros.metrics.verification import VerificationPoint
+from stab_ros.parameters.engines import make_evaluator
+
+_WAITING_BYTES = 1 << 30  # of pictures whose homographies come later in the recording
+
+
+@dataclass(frozen=True)
+class EvaluationJob:
+    """What to evaluate; `values` as `checked_values` gives them for EVALUATOR_PARAMETERS.
+
+    image_topics: none: the one there is, or the stabilised one and the raw one beside it.
+    """
+
+    source: Path
+    values: Mapping[str, Value]
+    image_topics: tuple[str, ...] = ()
+    limit: int | None = None
+    fps: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class TopicEvaluation:
+    """What came of one stream. reference: its first picture, or the one that was given. static: (P,) bool, at the end.
+
+    rows: one for each frame. fps: of the stream, or as set.
+    """
+
+    topic: str
+    reference: Frame
+    points: tuple[VerificationPoint, ...]
+    static: BoolArray
+    rows: tuple[FrameMetrics, ...]
+    config: EvaluatorConfig
+    fps: float
+
+    @property
+    def measured(self) -> tuple[FrameMetrics, ...]:
+        """Those that statistics are made of: neither the reference nor what was lost."""
+        return tuple(row for row in self.rows if row.outcome is Outcome.MEASURED)
+
+    def count(self, outcome: Outcome) -> int:
+        return sum(row.outcome is outcome for row in self.rows)
+
+    def series(self, name: str) -> list[float]:
+        """A metric of all measured frames that have it."""
+        return [value for row in self.measured if (value := row[name]) is not None]
+
+    def summary(self, name: str) -> Summary | None:
+        return summarize(self.series(name))
+
+    def point_series(self, name: str, point: int) -> list[float]:
+        """A metric of one verification point, over all measured frames that have it."""
+        values = [row.points[name][point] for row in self.measured if name in row.points]
+        return [float(value) for value in values if np.isfinite(value)]
+
+    @property
+    def field(self) -> Field | None:
+        """The residual velocity field, mean over the frames that were checked."""
+        fields = [row.field for row in self.measured if row.field is not None]
+        return mean_field(fields) if fields else None
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """What came of a job. frames: of the first stream. warnings: one line each, what could not be read."""
+
+    source: Path
+    frames: int
+    topics: tuple[TopicEvaluation, ...]
+    warnings: tuple[str, ...]
+
+
+def evaluate(job: EvaluationJob, progress: Progress, compiling: Compiler = compile_kernels) -> Evaluation:
+    """Does the job.
+
+    compiling: compiles all kernels, before the first frame.
+
+    Raises:
+        InputError: what was given cannot be used.
+    """
+    make_evaluator(job.values)  # refuses wrong settings before anything is read
+    topics: list[TopicEvaluation] = []
+    warnings: list[str] = []
+    with open_streams(job.source, job.image_topics, job.fps) as streams:
+        counter = _Counter(progress, expected_pictures(streams, job.limit))
+        compiling()
+        for stream in streams:
+            work = _Work(stream, make_evaluator(job.values), counter)
+            topics.append(work.run(job))
+            warnings += [*stream.source.warnings, *work.warnings]
+    return Evaluation(job.source, len(topics[0].rows), tuple(topics), tuple(dict.fromkeys(warnings)))
+
+
+class _Counter:
+    """Progress over all streams."""
+
+    def __init__(self, progress: Progress, total: int | None) -> None:
+        self._progress = progress
+        self._total = total
+        self._done = 0
+
+    def one_more(self) -> None:
+        self._done += 1
+        self._progress(self._done, self._total)
+
+
+class _Work:
+    """One stream through its evaluator; pictures that cannot be used are counted."""
+
+    def __init__(self, stream: Stream, evaluator: Evaluator, counter: _Counter) -> None:
+        self._stream = stream
+        self._evaluator = evaluator
+        self._counter = counter
+        self._pairing = Pairing(stream.homography is not None, _WAITING_BYTES)
+        self._rows: list[FrameMetrics] = []
+        self._index = -1
+        self._pictures = self._unused = self._unread = 0
+        self._problem = ""
+
+    @property
+    def warnings(self) -> list[str]:
+        source, found = self._stream.source, []
+        if self._unused:
+            found.append(f"{source.name}: {self._unused} of {self._pictures} images of {source.image_topic} cannot be "
+                         f"used; the first: {self._problem}")
+        if self._unread:
+            found.append(f"{source.name}: {self._unread} messages of {self._stream.homography} are no homographies")
+        if not self._evaluator.points:
+            found.append(f"{source.name}: the first image of {source.image_topic} has no place for a verification "
+                         "point, so there is no RMSD; it must show texture, away from its border")
+        return found
+
+    def run(self, job: EvaluationJob) -> TopicEvaluation:
+        """Reads here, measures on another thread, in order."""
+        with Stage(self._step) as measuring:
+            for item in self._stream.source.items(job.limit, self._stream.others):
+                measuring.put(item)
+        for arrival in self._pairing.flush():
+            self._measure(arrival)
+        reference, config = self._evaluator.reference, self._evaluator.config
+        assert reference is not None  # a stream without one readable picture is an error of the source
+        return TopicEvaluation(
+            self._stream.source.image_topic, reference, self._evaluator.points, self._evaluator.static,
+            tuple(self._rows), config, config.fps or job.fps or self._stream.source.rate_hz())
+
+    def _step(self, item: Picture | Message) -> None:
+        for arrival in self._of_picture(item) if isinstance(item, Picture) else self._of_message(item):
+            self._measure(arrival)
+
+    def _of_picture(self, picture: Picture) -> list[Arrival]:
+        self._pictures += 1
+        self._counter.one_more()
+        frame = picture.decoded if isinstance(picture.decoded, Frame) else None
+        if frame is None:
+            self._unused += 1
+            self._problem = self._problem or str(picture.decoded)
+        if self._stream.homography is not None:
+            return [] if frame is None else self._pairing.image(frame)
+        self._index += 1
+        return [Arrival(self._index, picture.stamp_ns, None, False, frame)]
+
+    def _of_message(self, message: Message) -> list[Arrival]:
+        try:
+            if message.topic == self._stream.homography:
+                return self._pairing.homography(*read_homography(message.data), read_size(message.data))
+            self._evaluator.use_reference(read_image(message.data, IMAGE))
+        except MessageError:
+            self._unread += 1
+        return []
+
+    def _measure(self, arrival: Arrival) -> None:
+        self._rows.append(self._evaluator.step(arrival))

@@ -1,0 +1,136 @@
+"""A recorded flight in, a stabilised bag out: the engine without a ROS graph, every frame processed, deterministic."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from stab_ros.core.kernels import Compiler, compile_kernels
+from stab_ros.core.settings import Value
+from stab_ros.core.types import Frame
+from stab_ros.imaging.camera import Camera
+from stab_ros.imaging.window import Window
+from stab_ros.io.bag import BagWriter
+from stab_ros.io.homographies import HomographyWriter
+from stab_ros.io.outputs import check_output, completed
+from stab_ros.io.source import Source, open_source, read_again
+from stab_ros.io.video_writer import VideoWriter
+from stab_ros.jobs.pipeline import Counts, Outputs, run
+from stab_ros.jobs.stabilized_bag import StabilizedBag
+from stab_ros.parameters.engines import make_stabilizer
+from stab_ros.parameters.table import PARAMETERS
+from stab_ros.tracking.stabilizer import Stabilizer
+
+# called after every frame with how many are done, and of how many (None: the input does not say)
+Progress = Callable[[int, int | None], None]
+
+
+@dataclass(frozen=True)
+class Job:
+    """What to stabilise and what to write; `values` as `checked_values` gives them."""
+
+    source: Path
+    output: Path
+    values: Mapping[str, Value]
+    image_topic: str | None = None
+    homographies: Path | None = None
+    video: Path | None = None
+    with_image: bool = True
+    keep_raw: bool = False
+    limit: int | None = None
+    fps: float | None = None
+    force: bool = False
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What came of a job; `warnings` says, one line each, what was lost on the way."""
+
+    frames: int
+    tracked: int
+    duration_s: float
+    warnings: tuple[str, ...]
+
+    @property
+    def lost(self) -> int:
+        return self.frames - self.tracked
+
+
+def stabilize(job: Job, progress: Progress, compiling: Compiler = compile_kernels) -> Summary:
+    """Does the job.
+
+    compiling: compiles all kernels, before the first frame.
+
+    Raises:
+        InputError: what was given cannot be used; nothing is left behind.
+        WorkError: work broke off; the readable part stays under its `.partial` name.
+    """
+    _check_outputs(job)
+    with open_source(job.source, job.image_topic, job.fps) as source:
+        camera = source.camera() if _uses_camera(job.values) else None
+        stabilizer = make_stabilizer(job.values, camera)
+        total = expected(source.count, job.limit)
+        compiling()
+        started_s = time.monotonic()
+        with _open_outputs(job, source, camera, stabilizer.window) as outputs:
+            counts = run(source.items(job.limit), stabilizer, outputs, lambda done: progress(done, total),
+                         partial(read_again, job.source, job.image_topic, job.fps, job.limit))
+        warnings = (*_replaced(source, outputs.bag.replaced), *source.warnings, *_unused(source, counts),
+                    *_without_reference(source, stabilizer.reference), *_remarks(source, stabilizer))
+    return Summary(counts.frames, counts.tracked, time.monotonic() - started_s, warnings)
+
+
+def expected(count: int | None, limit: int | None) -> int | None:
+    """How many pictures there will be, of `count` in the input."""
+    known = [number for number in (count, limit) if number is not None]
+    return min(known, default=None)
+
+
+def _uses_camera(values: Mapping[str, Value]) -> bool:
+    return bool(values.get("use_camera_info", PARAMETERS["use_camera_info"].default))
+
+
+def _check_outputs(job: Job) -> None:
+    for path, suffix in ((job.output, ".mcap"), (job.homographies, ".csv"), (job.video, ".mp4")):
+        if path is not None:
+            check_output(path, suffix, job.source, job.force)
+
+
+@contextmanager
+def _open_outputs(job: Job, source: Source, camera: Camera | None, window: Window) -> Iterator[Outputs]:
+    """Leaving on an error, the writers close first, so that what stays behind can be read."""
+    with ExitStack() as stack:
+        writer = stack.enter_context(BagWriter(job.output, overwrite=job.force))
+        table_path = stack.enter_context(completed(job.homographies)) if job.homographies else None
+        video_path = stack.enter_context(completed(job.video)) if job.video else None
+        bag = StabilizedBag(writer, source, camera, job.with_image, job.keep_raw, window)
+        table = stack.enter_context(HomographyWriter(table_path)) if table_path else None
+        video = stack.enter_context(VideoWriter(video_path, job.fps or source.rate_hz())) if video_path else None
+        yield Outputs(bag, table, video)
+
+
+def _replaced(source: Source, topics: list[str]) -> list[str]:
+    return [f"{source.name}: its own {', '.join(topics)} gave way to the new ones of the same name"] if topics else []
+
+
+def _unused(source: Source, counts: Counts) -> list[str]:
+    if not counts.unused:
+        return []
+    return [f"{source.name}: {counts.unused} of {counts.frames} images of {source.image_topic} cannot be used "
+            f"and count as lost; the first: {counts.problem}"]
+
+
+def _remarks(source: Source, stabilizer: Stabilizer) -> list[str]:
+    """What the stabilizer doubts of its own answers."""
+    return [f"{source.name}: {remark}" for remark in (stabilizer.rival, stabilizer.relief) if remark is not None]
+
+
+def _without_reference(source: Source, reference: Frame | None) -> list[str]:
+    if reference is not None:
+        return []
+    return [f"{source.name}: not one image of {source.image_topic} could become the reference, so all are lost; "
+            "it must show some texture (all are flat, black or below 64x64 px)"]

@@ -1,0 +1,105 @@
+"""The bag that stabilisation makes: what it adds for every frame, and what it takes over from the input."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from stab_ros.core.types import Frame, Track
+from stab_ros.imaging.camera import Camera
+from stab_ros.imaging.window import Window
+from stab_ros.io.bag import BagWriter, Message, Topic, topic_of
+from stab_ros.io.messages import (
+    CAMERA_INFO,
+    DIAGNOSTIC_ARRAY,
+    IMAGE,
+    header_of,
+    homography_cdr,
+    image_cdr,
+    static_map_cdr,
+    track_cdr,
+)
+from stab_ros.io.source import STATIC_MAP, Picture, Source, namespace_of
+from stab_ros.tracking.static_map import StaticMap
+
+
+@dataclass(frozen=True)
+class Names:
+    """The topics that are made from one image topic; `image` is None with --no-image."""
+
+    homography: str
+    track: str
+    static_map: str
+    image: str | None
+
+    @property
+    def types(self) -> Mapping[str, str]:
+        made = {self.homography: CAMERA_INFO, self.track: DIAGNOSTIC_ARRAY, self.static_map: IMAGE}
+        return made if self.image is None else {**made, self.image: IMAGE}
+
+
+def names_for(image_topic: Topic, with_image: bool) -> Names:
+    """The topics made from `image_topic`."""
+    namespace = namespace_of(image_topic)
+    image = f"{namespace}/image_stabilized" if with_image else None
+    return Names(f"{namespace}/homography", f"{namespace}/track", f"{namespace}{STATIC_MAP}", image)
+
+
+class StabilizedBag:
+    """Writes homography, track and stabilised image of every frame, and the input's other messages byte for byte.
+
+    The static map is written whenever it changes. A topic of the input that bears the name of one we make is left out
+    (`replaced`).
+
+    Raises:
+        WorkError: the bag cannot be written (any method).
+    """
+
+    def __init__(self, writer: BagWriter, source: Source, camera: Camera | None, with_image: bool, keep_raw: bool,
+                 window: Window) -> None:
+        """window: what the stabilised images show of the reference."""
+        self.with_image = with_image
+        self._writer = writer
+        self._camera = camera
+        self._window = window
+        self._raw_topic = source.topics[source.image_topic]
+        self._names = names_for(self._raw_topic, with_image)
+        self._taken_over = {name for name in source.topics if name not in self._names.types}
+        if not keep_raw:
+            self._taken_over.discard(source.image_topic)
+        self.replaced = sorted(name for name in source.topics if name in self._names.types)
+        for name, msgtype in self._names.types.items():
+            writer.add_topic(topic_of(name, msgtype))
+        for name in sorted(self._taken_over):
+            writer.add_topic(source.topics[name])
+
+    def take_over(self, message: Message) -> None:
+        if message.topic in self._taken_over:
+            self._writer.write(message.topic, message.log_time_ns, message.publish_time_ns, message.data)
+
+    def write(self, picture: Picture, track: Track, image: bytes | None, reference_size: tuple[int, int] | None,
+              static_map: StaticMap | None) -> None:
+        """All messages of one frame, logged when that was. image: its message. static_map: where it has changed."""
+        if self._raw_topic.name in self._taken_over:
+            self._write_raw(picture)
+        frame = picture.decoded
+        if not isinstance(frame, Frame):
+            return
+        header = header_of(frame)
+        size = reference_size or frame.size
+        self._write(picture, self._names.homography, homography_cdr(track, header, size, self._camera))
+        self._write(picture, self._names.track, track_cdr(track, header, self._window))
+        if static_map is not None:
+            self._write(picture, self._names.static_map, static_map_cdr(static_map, header))
+        if self._names.image is not None and image is not None:
+            self._write(picture, self._names.image, image)
+
+    def _write_raw(self, picture: Picture) -> None:
+        frame = picture.decoded
+        if picture.data is not None:
+            self._write(picture, self._raw_topic.name, picture.data)
+        elif isinstance(frame, Frame):
+            self._write(picture, self._raw_topic.name, image_cdr(frame.image, frame.encoding, header_of(frame)))
+
+    def _write(self, picture: Picture, topic: str, data: bytes) -> None:
+        self._writer.write(topic, picture.log_time_ns, picture.publish_time_ns, data)

@@ -1,0 +1,1 @@
+"""All parameters by name, presets of them, and the engines they make."""

@@ -1,0 +1,140 @@
+"""All parameters of the engines by name, as ROS nodes and the command line's `-p name:=value` know them."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from stab_ros.core.errors import ConfigError
+from stab_ros.core.settings import Range, Value, checked, settings_of
+from stab_ros.evaluation.evaluator import EvaluatorConfig
+from stab_ros.methods import METHODS
+from stab_ros.parameters.presets import PRESETS
+from stab_ros.tracking.stabilizer import StabilizerConfig
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter's name, its default (which gives its type) and what it accepts."""
+
+    name: str
+    default: Value
+    limits: Range
+
+
+_REGION = 'JSON [[[x, y], ...], ...] in reference px, or the path of such a .json or of a PNG mask; "" for none'
+
+
+def parameters_of(config: type[Any], prefix: str = "") -> Iterator[Parameter]:
+    """The parameters that the fields of a settings dataclass stand for."""
+    for name, default, limits in settings_of(config):
+        yield Parameter(prefix + name, default, limits)
+
+
+def _areas() -> Iterator[Parameter]:
+    yield Parameter("roi", "", Range(f"where static ground is: {_REGION}"))
+    yield Parameter("exclude", "", Range(f"what to leave out, e.g. the water: {_REGION}"))
+
+
+def _of_the_tracker() -> Iterator[Parameter]:
+    for one in parameters_of(StabilizerConfig):
+        yield _method_or_preset(one) if one.name == "method" else one
+    yield from _areas()
+    yield Parameter("static_map", "", Range("a static map of the same reference, as saved before: the path of a bag "
+                                            'that stabilize has written, or of a PNG (white: static ground); "": the '
+                                            "map is found out at the start"))
+    yield Parameter("points_file", "", Range("a CSV name,x,y of points in reference px for the method to go by, for "
+                                             'methods that take points; "": it chooses them itself'))
+    yield Parameter("manual_points", "", Range("the same as JSON [[x, y], ...]"))
+    yield Parameter("use_camera_info", False, Range("remove lens distortion as camera_info describes it"))
+    for name, method in METHODS.items():
+        yield from parameters_of(method.Config, f"{name}.")
+
+
+def _method_or_preset(method: Parameter) -> Parameter:
+    choices = (*method.limits.choices, *PRESETS)
+    doc = f"{method.limits.doc}; a preset stands for a method and values of other parameters"
+    return dataclasses.replace(method, limits=dataclasses.replace(method.limits, doc=doc, choices=choices))
+
+
+def _of_the_evaluator() -> Iterator[Parameter]:
+    yield from parameters_of(EvaluatorConfig)
+    yield from _areas()
+    yield Parameter("points_file", "", Range("a CSV name,x,y with verification points in reference px; "
+                                             '"": chosen in the reference'))
+
+
+Table = Mapping[str, Parameter]
+PARAMETERS: Table = {parameter.name: parameter for parameter in _of_the_tracker()}
+EVALUATOR_PARAMETERS: Table = {parameter.name: parameter for parameter in _of_the_evaluator()}
+
+
+def checked_values(values: Mapping[str, object], table: Table = PARAMETERS) -> dict[str, Value]:
+    """`values` with the types of `table`.
+
+    Raises:
+        ConfigError: an unknown name, a wrong type, or out of range.
+    """
+    return {name: _checked(name, value, table) for name, value in values.items()}
+
+
+def _checked(name: str, value: object, table: Table) -> Value:
+    parameter = table.get(name)
+    if parameter is None:
+        near = difflib.get_close_matches(name, table, n=3) or sorted(table)
+        raise ConfigError(f"parameter {name!r} is unknown, did you mean {', '.join(near)}?")
+    if not isinstance(value, (bool, int, float, str)):
+        raise ConfigError(f"{name}: {value!r} must be one {type(parameter.default).__name__}")
+    return checked(name, value, parameter.default, parameter.limits)
+
+
+def resolved(values: Mapping[str, Value]) -> dict[str, Value]:
+    """`values` with those of the preset that `method` names below them, and the preset's method in its place."""
+    preset = PRESETS.get(str(values.get("method", "")))
+    return dict(values) if preset is None else {**preset, **values, "method": preset["method"]}
+
+
+def table_with_preset(method: object) -> Table:
+    """PARAMETERS with the defaults that a preset of this name gives them; as they are for any other name."""
+    if not isinstance(method, str) or method not in PRESETS:
+        return PARAMETERS
+    defaults = checked_values({**PRESETS[method], "method": method})
+    return {name: dataclasses.replace(one, default=defaults.get(name, one.default)) for name, one in PARAMETERS.items()}
+
+
+def check_change(old: Mapping[str, Value], changed: Mapping[str, Value]) -> None:
+    """Raises ConfigError for another preset: its values are defaults, and all parameters have theirs once we run."""
+    method = changed.get("method")
+    if method in PRESETS and method != old.get("method"):
+        raise ConfigError(f"method: the preset {method} can only be chosen at the start; "
+                          f"set method to {PRESETS[str(method)]['method']} and its parameters one by one")
+
+
+def stabilizer_config(values: Mapping[str, Value]) -> StabilizerConfig:
+    """The engine's settings: defaults, overridden by a preset, overridden by `values` (checked ones).
+
+    Raises:
+        ConfigError: as `checked_values`.
+    """
+    values = checked_values(resolved(checked_values(values)))
+    own = {item.name for item in dataclasses.fields(StabilizerConfig)}
+    chosen: Any = {name: value for name, value in values.items() if name in own}
+    config = StabilizerConfig(**chosen)
+    prefix = f"{config.method}."
+    of_method: Any = {name.removeprefix(prefix): value for name, value in values.items() if name.startswith(prefix)}
+    return dataclasses.replace(config, method_config=METHODS[config.method].Config(**of_method))
+
+
+def evaluator_config(values: Mapping[str, Value]) -> EvaluatorConfig:
+    """The evaluator's settings: defaults, overridden by `values` (checked ones).
+
+    Raises:
+        ConfigError: as `checked_values`, or settings that contradict each other.
+    """
+    values = checked_values(values, EVALUATOR_PARAMETERS)
+    own = {item.name for item in dataclasses.fields(EvaluatorConfig)}
+    chosen: Any = {name: value for name, value in values.items() if name in own}
+    return EvaluatorConfig(**chosen)

@@ -1,0 +1,177 @@
+"""What a camera sees of the ground and the water at one instant: the kernels of the renderer.
+
+A pixel of dry ground is the mean of 2 x 2 samples, as if the picture was made at twice its size and area-averaged: the
+sample centres lie a quarter of a pixel off the pixel's centre. Sampling is in double precision, by splines: cv2's warps
+round coordinates to 1/32 px.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stab_ros.core.kernels import lazy_kernel
+from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, Image
+from stab_ros.synthetic.terrain import COARSE
+from stab_ros.synthetic.textures import Texture, sample_texture
+
+Picture: TypeAlias = NDArray[np.float32]  # grey levels, before noise and rounding
+
+_FINE_WAVES, _BROAD_WAVES = 0.5, 0.17  # texels of the texture per texel of ground
+_COLORLESS = np.float32(225)  # what is as bright as this is white: control points, glitter
+
+
+@lazy_kernel(inline="always")
+def _weights(t: np.float32) -> tuple[np.float32, np.float32, np.float32]:
+    """Weights of the three neighbours at t in [-1/2, 1/2] from the middle one: the quadratic B-spline."""
+    half = np.float32(0.5)
+    return half * (half - t) * (half - t), np.float32(0.75) - t * t, half * (half + t) * (half + t)
+
+
+@lazy_kernel(inline="always")
+def _sample_spline(picture: Gray, x: float, y: float) -> np.float32:
+    """uint8 `picture` as the smooth surface whose spline coefficients it holds."""
+    column = min(max(int(x + 0.5), 1), picture.shape[1] - 2)
+    row = min(max(int(y + 0.5), 1), picture.shape[0] - 2)
+    a0, a1, a2 = _weights(np.float32(x - column))
+    b0, b1, b2 = _weights(np.float32(y - row))
+    total = np.float32(0)
+    for i, weight in ((row - 1, b0), (row, b1), (row + 1, b2)):
+        left, middle, right = picture[i, column - 1], picture[i, column], picture[i, column + 1]
+        total += weight * (a0 * np.float32(left) + a1 * np.float32(middle) + a2 * np.float32(right))
+    return total
+
+
+@lazy_kernel(inline="always")
+def _sample_linear(picture: Image, x: float, y: float) -> np.float32:
+    left = min(max(int(np.floor(x)), 0), picture.shape[1] - 2)
+    top = min(max(int(np.floor(y)), 0), picture.shape[0] - 2)
+    fx = np.float32(min(max(x - left, 0.0), 1.0))
+    fy = np.float32(min(max(y - top, 0.0), 1.0))
+    a, b = np.float32(picture[top, left]), np.float32(picture[top, left + 1])
+    c, d = np.float32(picture[top + 1, left]), np.float32(picture[top + 1, left + 1])
+    upper = a + fx * (b - a)
+    return upper + fy * (c + fx * (d - c) - upper)
+
+
+@lazy_kernel(inline="always")
+def _texel(H: Homography, u: float, v: float) -> tuple[float, float]:
+    k = 1 / (H[2, 0] * u + H[2, 1] * v + H[2, 2])
+    return (H[0, 0] * u + H[0, 1] * v + H[0, 2]) * k, (H[1, 0] * u + H[1, 1] * v + H[1, 2]) * k
+
+
+@lazy_kernel()
+def render_gray(size: tuple[int, int], texel_H_image: Homography, brightness: Gray, water: Gray,
+                surface: Surface) -> Picture:
+    """(h, w) float32 grey levels of ground and water, without noise.
+
+    size: width, height, px. texel_H_image: (3, 3), from pixels to texels. brightness, water: of the ground, (h, w).
+    """
+    picture = np.empty((size[1], size[0]), np.float32)
+    for v in range(size[1]):
+        for u in range(size[0]):
+            tx, ty = _texel(texel_H_image, u, v)
+            wet = _sample_linear(water, tx, ty) / np.float32(255)
+            level = np.float32(0)
+            if wet < 1:
+                level += (1 - wet) * _land_level(texel_H_image, brightness, u, v)
+            if wet > 0:
+                level += wet * _water_level(surface, u, v, tx, ty)
+            picture[v, u] = level
+    return picture
+
+
+@lazy_kernel(inline="always")
+def _land_level(texel_H_image: Homography, brightness: Gray, u: int, v: int) -> np.float32:
+    total = np.float32(0)
+    for dv in (-0.25, 0.25):
+        for du in (-0.25, 0.25):
+            tx, ty = _texel(texel_H_image, u + du, v + dv)
+            total += _sample_spline(brightness, tx, ty)
+    return total * np.float32(0.25)
+
+
+class Surface(NamedTuple):
+    """The water's surface at one instant.
+
+    flow: (h/8, w/8, 2) float32 velocity, texels/s. waves: texture of the ripples. lives: (2, 4) age in s, weight and
+    texture offset x, y of two generations of ripples. glint: (3,) centre x, y and reach of the sun's glitter, px.
+    contrast: of the ripples, 1 for those of a calm river.
+    """
+
+    flow: NDArray[np.float32]
+    waves: Texture
+    lives: FloatArray
+    glint: FloatArray
+    contrast: float
+
+
+@lazy_kernel(inline="always")
+def _water_level(surface: Surface, u: int, v: int, tx: float, ty: float) -> np.float32:
+    """Ripples carried by the flow, two generations that fade into each other, and glitter where the sun stands."""
+    flow, waves, lives, glint, contrast = surface
+    along = _sample_linear(flow[:, :, 0], tx / COARSE, ty / COARSE)
+    across = _sample_linear(flow[:, :, 1], tx / COARSE, ty / COARSE)
+    ripple = np.float32(0)
+    for k in range(2):
+        if lives[k, 1] == 0:
+            continue
+        x = tx - along * lives[k, 0] + lives[k, 2]
+        y = ty - across * lives[k, 0] + lives[k, 3]
+        fine = sample_texture(waves, x * _FINE_WAVES, y * _FINE_WAVES)
+        broad = sample_texture(waves, x * _BROAD_WAVES, y * _BROAD_WAVES)
+        ripple += np.float32(lives[k, 1]) * (np.float32(0.6) * fine + np.float32(0.8) * broad)
+    shine = np.float32(np.exp(-((u - glint[0]) ** 2 + (v - glint[1]) ** 2) / glint[2] ** 2))
+    glitter = max(ripple - np.float32(1.2), np.float32(0))
+    return np.float32(78) + np.float32(9 * contrast) * ripple + shine * (np.float32(14) + np.float32(60) * glitter)
+
+
+@lazy_kernel()
+def water_mask(size: tuple[int, int], texel_H_image: Homography, water: Gray) -> BoolArray:
+    """(h, w) bool: where a pixel shows any water."""
+    mask = np.zeros((size[1], size[0]), np.bool_)
+    for v in range(size[1]):
+        for u in range(size[0]):
+            tx, ty = _texel(texel_H_image, u, v)
+            mask[v, u] = _sample_linear(water, tx, ty) > 0
+    return mask
+
+
+@lazy_kernel()
+def add_tracers(picture: Picture, tracers: FloatArray) -> None:
+    """Adds floating particles, (n, 4): x, y, sigma in px, height in grey levels; a Gaussian each."""
+    for k in range(len(tracers)):
+        x, y, sigma, level = tracers[k]
+        reach = 3 * sigma + 1
+        for v in range(max(int(y - reach), 0), min(int(y + reach) + 2, picture.shape[0])):
+            for u in range(max(int(x - reach), 0), min(int(x + reach) + 2, picture.shape[1])):
+                near = np.exp(-((u - x) ** 2 + (v - y) ** 2) / (2 * sigma * sigma))
+                picture[v, u] += np.float32(level * near)
+
+
+@lazy_kernel()
+def colored(picture: Picture, texel_H_image: Homography, tint: NDArray[np.float32]) -> Picture:
+    """(h, w, 3) float32 bgr from grey levels and the ground's tint."""
+    rows, columns = picture.shape
+    result = np.empty((rows, columns, 3), np.float32)
+    for v in range(rows):
+        for u in range(columns):
+            tx, ty = _texel(texel_H_image, u, v)
+            level = picture[v, u]
+            share = min(max((_COLORLESS - level) / np.float32(80), np.float32(0)), np.float32(1))
+            for c in range(3):
+                factor = _sample_linear(tint[:, :, c], tx / COARSE, ty / COARSE) - np.float32(1)
+                result[v, u, c] = level * (np.float32(1) + share * factor)
+    return result
+
+
+@lazy_kernel()
+def quantised(picture: Picture, noise: Picture, gain: np.float32, offset: np.float32) -> Image:
+    """uint8 of gain * picture + offset + noise, rounded; all arrays flat float32."""
+    result = np.empty(len(picture), np.uint8)
+    for i in range(len(picture)):
+        level = gain * picture[i] + offset + noise[i] + np.float32(0.5)
+        result[i] = int(min(max(level, np.float32(0)), np.float32(255)))
+    return result

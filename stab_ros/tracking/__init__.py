@@ -1,0 +1,1 @@
+"""The tracker: one frame in, its homography to the reference out."""

@@ -1,0 +1,170 @@
+"""Which features move together: planes found by RANSAC over whole trajectories.
+
+One pair of frames cannot tell slow water from ground, a second can: the features of a plane agree with one motion in
+every frame. Samples of two features (a similarity in each of four frames, once the common turn and tilt of the camera
+are taken off) are ranked by how many others go along in all four; the best is widened to homographies in all frames,
+its features are set aside, and the next is sought among the rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stab_ros.core.geometry import apply
+from stab_ros.core.kernels import F64, I64, kernel, read
+from stab_ros.core.types import BoolArray, FloatArray, Homography, IdArray
+from stab_ros.estimation import estimators
+from stab_ros.estimation.problem import own_noise, strongest
+from stab_ros.tracking.survey import Trajectories
+
+_THRESHOLD_PX = 0.6
+_OCTAVES = 3  # samples are ranked by the threshold, its half and its quarter: two planes must not pass for one
+_SCATTERS = 4.0  # the features of a plane lie within so many times their median distance from it
+_QUARTERS = 4
+_SAMPLES = 1000
+_SEED = 20201020
+_MOST_PLANES = 4
+_LEAST_SHARE = 0.02
+_LEAST_FEATURES = 12
+_PRESENT = 0.75  # of the frames: with fewer a feature has not kept its template
+_AGREES = 0.9  # of the frames it is seen in
+_WIDENING = 3
+_MOTIONS = (read(F64, 2), read(F64, 3), read(F64, 2))  # start, moved, noise
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """Features that move as one plane. member: (N,) bool. ref_H_cur: (F, 3, 3), NaN where a frame tells nothing."""
+
+    member: BoolArray
+    ref_H_cur: FloatArray
+
+    def __len__(self) -> int:
+        return int(self.member.sum())
+
+    @property
+    def last(self) -> Homography:
+        """ref_H_cur of the last frame that tells one."""
+        return np.asarray(self.ref_H_cur[np.flatnonzero(~np.isnan(self.ref_H_cur[:, 0, 0]))[-1]])
+
+
+def find_planes(seen_from: Trajectories) -> list[Plane]:
+    """The planes that the features move with, the largest first; none where too few features were followed."""
+    quarters = _quarter_frames(seen_from)
+    if not len(quarters):
+        return []
+    left: BoolArray = np.all(seen_from.seen[quarters], axis=0)
+    planes: list[Plane] = []
+    least = max(_LEAST_FEATURES, int(_LEAST_SHARE * len(left)))
+    while left.sum() >= least and len(planes) < _MOST_PLANES:
+        plane = _widened(seen_from, _largest(seen_from, quarters, left), quarters, left)
+        if plane is None or len(plane) < least:
+            break
+        planes.append(plane)
+        left = left & ~plane.member
+    return sorted(planes, key=len, reverse=True)
+
+
+def _quarter_frames(seen_from: Trajectories) -> IdArray:
+    """Up to four of the followed frames, evenly spread, the last one among them."""
+    followed = np.flatnonzero(seen_from.seen.any(axis=1))
+    at = np.linspace(0, len(followed), _QUARTERS + 1)[1:] - 1
+    return np.unique(followed[np.clip(np.round(at).astype(int), 0, None)]) if len(followed) else followed
+
+
+def _largest(seen_from: Trajectories, quarters: IdArray, left: BoolArray) -> BoolArray:
+    """(N,) bool: the largest group of what is `left` that goes along with two of its features in all four frames."""
+    which = np.flatnonzero(left)
+    start = seen_from.reference_px[which]
+    moved = np.stack([apply(seen_from.shapes[f], seen_from.current_px[f, which]) for f in quarters])
+    noise = np.stack([noises(seen_from.information[f, which]) for f in quarters])
+    samples = np.random.default_rng(_SEED).integers(0, len(which), (_SAMPLES, 2))
+    best = _best_sample(samples, start, moved, noise, _THRESHOLD_PX, _OCTAVES)
+    member = np.zeros(len(left), bool)
+    member[which] = _excess(samples[best, 0], samples[best, 1], start, moved, noise) < _THRESHOLD_PX**2
+    return member
+
+
+def noises(information: FloatArray) -> FloatArray:
+    """(N,) px^2: what a feature's own noise adds to the square of any threshold; huge for what was not seen."""
+    return own_noise(np.maximum(strongest(information), 1e-9))
+
+
+@kernel((I64, I64, *_MOTIONS))
+def _excess(i: int, j: int, start: FloatArray, moved: FloatArray, noise: FloatArray) -> FloatArray:
+    """(N,) px^2: the most that any frame shows beyond noise of each feature off the similarity through i and j."""
+    n = len(start)
+    excess = np.zeros(n)
+    dx, dy = start[j, 0] - start[i, 0], start[j, 1] - start[i, 1]
+    length = dx * dx + dy * dy
+    if length < 1.0:
+        return np.full(n, np.inf)
+    for f in range(len(moved)):
+        ex, ey = moved[f, j, 0] - moved[f, i, 0], moved[f, j, 1] - moved[f, i, 1]
+        a, b = (dx * ex + dy * ey) / length, (dx * ey - dy * ex) / length
+        for k in range(n):
+            x, y = start[k, 0] - start[i, 0], start[k, 1] - start[i, 1]
+            off_x = moved[f, k, 0] - moved[f, i, 0] - (a * x - b * y)
+            off_y = moved[f, k, 1] - moved[f, i, 1] - (b * x + a * y)
+            excess[k] = max(excess[k], off_x * off_x + off_y * off_y - noise[f, k])
+    return excess
+
+
+@kernel((read(I64, 2), *_MOTIONS, F64, I64))
+def _best_sample(samples: IdArray, start: FloatArray, moved: FloatArray, noise: FloatArray, threshold_px: float,
+                 octaves: int) -> int:
+    """Which of the samples (M, 2) has the most features along, counted once for each threshold."""
+    best, most = 0, -1
+    for m in range(len(samples)):
+        excess = _excess(samples[m, 0], samples[m, 1], start, moved, noise)
+        count = 0
+        for octave in range(octaves):
+            count += np.sum(excess < (threshold_px * 0.5**octave) ** 2)
+        if count > most:
+            best, most = m, count
+    return best
+
+
+def _widened(seen_from: Trajectories, member: BoolArray, quarters: IdArray, left: BoolArray) -> Plane | None:
+    """The plane that the members lie on, with all that is `left` and agrees, and its homography in every frame."""
+    reach_px = _THRESHOLD_PX
+    for _ in range(_WIDENING):
+        fitted = np.stack([_fitted(seen_from, f, member) for f in quarters])
+        if np.isnan(fitted).any():
+            return None
+        reach_px = max(_reach_px(seen_from, f, H, member) for f, H in zip(quarters, fitted, strict=True))
+        agrees = np.stack([_agreeing(seen_from, f, H, reach_px) for f, H in zip(quarters, fitted, strict=True)])
+        member = left & agrees.all(axis=0)
+    ref_H_cur = np.stack([_fitted(seen_from, f, member) for f in range(len(seen_from.shapes))])
+    return Plane(left & _persistent(seen_from, ref_H_cur, reach_px), ref_H_cur)
+
+
+def _reach_px(seen_from: Trajectories, frame: int, ref_H_cur: Homography, member: BoolArray) -> float:
+    """How far off a feature without noise may be: by the scatter of the members, at most the threshold."""
+    off = apply(ref_H_cur, seen_from.current_px[frame, member]) - seen_from.reference_px[member]
+    scatter_px = float(np.median(np.hypot(*off.T))) if len(off) else 0.0
+    return min(max(_SCATTERS * scatter_px, _THRESHOLD_PX * 0.5 ** (_OCTAVES - 1)), _THRESHOLD_PX)
+
+
+def _fitted(seen_from: Trajectories, frame: int, member: BoolArray) -> Homography:
+    """ref_H_cur of one frame by the members; NaN where they do not determine it."""
+    pairs = seen_from.pairs(frame, member)
+    found = estimators.refine(pairs, "projective", _THRESHOLD_PX, seen_from.shapes[frame], np.ones(len(pairs)))
+    return np.full((3, 3), np.nan) if found is None else found
+
+
+def _agreeing(seen_from: Trajectories, frame: int, ref_H_cur: Homography, reach_px: float) -> BoolArray:
+    """(N,) bool: which features are seen in the frame where the homography says."""
+    off = apply(ref_H_cur, seen_from.current_px[frame]) - seen_from.reference_px
+    close = np.sum(off**2, axis=1) < reach_px**2 + noises(seen_from.information[frame])
+    return np.asarray(seen_from.seen[frame] & close)
+
+
+def _persistent(seen_from: Trajectories, ref_H_cur: FloatArray, reach_px: float) -> BoolArray:
+    """(N,) bool: which features are seen in most of the frames and agree with the plane in nearly all of these."""
+    known = np.flatnonzero(~np.isnan(ref_H_cur[:, 0, 0]))
+    seen = seen_from.seen[known].sum(axis=0)
+    agreed = np.stack([_agreeing(seen_from, f, ref_H_cur[f], reach_px) for f in known.tolist()]).sum(axis=0)
+    return np.asarray((seen >= _PRESENT * len(known)) & (agreed >= _AGREES * seen))

@@ -1,0 +1,151 @@
+"""Where features of the reference go in the frames that follow, each on its own: bank, water and leaves alike.
+
+Every feature is found from frame to frame by optical flow and then against its own template in the reference, so that
+nothing adds up and what keeps its template is known. No plane is assumed: which features move together is for
+`planes` to say, once there is enough to tell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from stab_ros.core.downscale import Downscaling
+from stab_ros.core.geometry import apply, point_jacobian
+from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography
+from stab_ros.estimation import estimators
+from stab_ros.methods import spread
+from stab_ros.methods.direct import DirectConfig
+from stab_ros.methods.patches import cut_patches, measure_patches
+from stab_ros.tracking.phase_correlation import PhaseCorrelation
+
+_PATCHES = DirectConfig()  # as many, as large and as clear as the method `direct` has them
+_FLOW_BLOCK_PX = 15
+_FLOW_WIDTH_PX = 1600  # or up to twice that: the flow only has to come near, the templates are measured in full size
+_COARSEST_PX = 80  # the shorter side of the smallest picture that the flow is found in
+_PASSES = 3  # against the template
+_CLOSE_PX = 0.02
+_FAR_PX = 3.0  # more than the flow is ever off
+_SHAPE_PX = 3.0
+_FOLLOWED = 0.1  # of the features, at least: with fewer the frame is not followed
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectories:
+    """N features over F frames.
+
+    reference_px: (N, 2). current_px: (F, N, 2). information: (F, N, 2, 2) of the reference-side displacement, 1/px^2.
+    seen: (F, N) bool, where the other two hold. A frame that could not be followed has none. shapes: (F, 3, 3), roughly
+    ref_H_cur, of most features: what is common to all planes, but for a shift.
+    """
+
+    reference_px: FloatArray
+    current_px: FloatArray
+    information: FloatArray
+    seen: BoolArray
+    shapes: FloatArray
+
+    def pairs(self, frame: int, which: BoolArray | None = None) -> Correspondences:
+        """What one frame shows of all features, or of `which`, (N,) bool."""
+        found = np.flatnonzero(self.seen[frame] if which is None else self.seen[frame] & which)
+        return Correspondences(found, self.reference_px[found], self.current_px[frame, found],
+                               self.information[frame, found])
+
+
+class Survey:
+    """Follows the features of a reference."""
+
+    def __init__(self, reference: Gray, allowed: BoolArray) -> None:
+        """reference: (h, w) uint8. allowed: (h, w) bool, where features may lie."""
+        centres = spread.choose(reference, allowed, _PATCHES.patches, _PATCHES.radius, _PATCHES.min_texture)
+        self._patches = cut_patches(reference, centres, _PATCHES.radius)
+        self.reference_px: FloatArray = self._patches.centres.astype(np.float64)
+        self._shrinking = Downscaling.to_width(reference, _FLOW_WIDTH_PX)
+        self._last = self._shrinking.picture(reference)
+        self._at_px, self._step_px = self.reference_px.copy(), np.zeros_like(self.reference_px)
+        self._ref_H_cur: Homography = np.eye(3)
+        self._rows: list[tuple[FloatArray, FloatArray, BoolArray]] = []
+        self._shapes: list[Homography] = []
+
+    def follow(self, gray: Gray) -> None:
+        """Finds all features in the next frame, (h, w) uint8."""
+        small = self._shrinking.picture(gray)
+        followed = (self._try(gray, small, self._at_px + self._step_px)
+                    or self._try(gray, small, self._jumped(small)))
+        if not followed:
+            n = len(self.reference_px)
+            self._rows.append((np.zeros((n, 2)), np.zeros((n, 2, 2)), np.zeros(n, bool)))
+        self._shapes.append(self._ref_H_cur)
+
+    def trajectories(self) -> Trajectories:
+        """Everything so far."""
+        n = len(self.reference_px)
+        current, information, seen = zip(*self._rows, strict=True) if self._rows else ((), (), ())
+        return Trajectories(self.reference_px, np.array(current).reshape(-1, n, 2),
+                            np.array(information).reshape(-1, n, 2, 2), np.array(seen, bool).reshape(-1, n),
+                            np.array(self._shapes).reshape(-1, 3, 3))
+
+    def _as_bright(self, small: Gray) -> Gray:
+        """The last picture with mean and contrast of the next: the flow takes brightness for motion."""
+        (mean, spread), (wanted, wide) = (cv2.meanStdDev(picture) for picture in (self._last, small))
+        gain = float(wide[0, 0]) / max(float(spread[0, 0]), 1.0)
+        levels = (np.arange(256) - float(mean[0, 0])) * gain + float(wanted[0, 0])
+        return np.asarray(cv2.LUT(self._last, np.clip(np.round(levels), 0, 255).astype(np.uint8)))
+
+    def _try(self, gray: Gray, small: Gray, start_px: FloatArray) -> bool:
+        """One attempt from where the features may be; kept if enough of them are there."""
+        scale = self._shrinking.scale
+        moved, found = _flowed(self._as_bright(small), small, apply(scale, self._at_px), apply(scale, start_px))
+        at_px = apply(np.linalg.inv(scale), moved)
+        shape = self._shape(at_px, found)
+        if shape is None:
+            return False
+        at_px, information, seen = self._against_templates(gray, shape, at_px, found)
+        if seen.sum() < max(12, _FOLLOWED * len(seen)):
+            return False
+        step = np.median((at_px - self._at_px)[seen], axis=0)
+        self._step_px = np.where(seen[:, None], at_px - self._at_px, step)
+        self._at_px = np.where(seen[:, None], at_px, self._at_px + step)
+        self._last, self._ref_H_cur = small, shape
+        self._rows.append((at_px, information, seen))
+        return True
+
+    def _shape(self, at_px: FloatArray, found: BoolArray) -> Homography | None:
+        """ref_H_cur, roughly, of most of what was found: all planes are turned and stretched alike."""
+        which = np.flatnonzero(found)
+        pairs = Correspondences(which, self.reference_px[which], at_px[which], np.tile(np.eye(2), (len(which), 1, 1)))
+        return estimators.refine(pairs, "projective", _SHAPE_PX, self._ref_H_cur, np.ones(len(which)))
+
+    def _against_templates(self, gray: Gray, ref_H_cur: Homography, at_px: FloatArray,
+                           found: BoolArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Places (N, 2) and information (N, 2, 2) by the templates, and which features still look like theirs."""
+        cur_H_ref = np.linalg.inv(ref_H_cur)
+        cur_J_ref = point_jacobian(cur_H_ref, self.reference_px)
+        start_px, at_px, chosen = at_px, at_px.copy(), np.flatnonzero(found)
+        information, seen = np.zeros((len(at_px), 2, 2)), np.zeros(len(at_px), bool)
+        for _ in range(_PASSES):
+            measured = measure_patches(self._patches, chosen, gray, cur_H_ref, at_px[chosen])
+            moved = np.einsum("nij,nj->ni", cur_J_ref[chosen], measured.displacement)
+            at_px[chosen] += moved
+            off = np.abs(at_px[chosen] - start_px[chosen]).max(axis=1, initial=0)
+            good = (measured.correlation >= _PATCHES.min_correlation) & (off < _FAR_PX)
+            information[chosen], seen[chosen] = measured.information, good
+            chosen = chosen[good & (np.abs(moved).max(axis=1, initial=0) > _CLOSE_PX)]
+        return at_px, information, seen
+
+    def _jumped(self, small: Gray) -> FloatArray:
+        """Where the features would be if the whole picture had jumped since the last frame."""
+        last_H_cur = self._shrinking.whole(PhaseCorrelation(self._last).corrected(small, np.eye(3)))
+        return apply(np.linalg.inv(last_H_cur), self._at_px)
+
+
+def _flowed(first: Gray, second: Gray, from_px: FloatArray, start_px: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Where points of the first picture are in the second, (N, 2), and which of them were found."""
+    levels = max(0, int(np.log2(min(first.shape) / _COARSEST_PX)))
+    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 15, 0.03)
+    moved, status, _ = cv2.calcOpticalFlowPyrLK(
+        first, second, from_px.astype(np.float32), start_px.astype(np.float32), winSize=(_FLOW_BLOCK_PX,) * 2,
+        maxLevel=levels, criteria=criteria, flags=cv2.OPTFLOW_USE_INITIAL_FLOW)
+    return moved.astype(np.float64), status.ravel().astype(bool)

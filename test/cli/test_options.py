@@ -1,0 +1,58 @@
+"""How `-p name:=value` and numbers are read."""
+
+from __future__ import annotations
+
+import argparse
+
+import pytest
+
+from stab_ros.cli.options import assignment, positive_float, positive_int, seconds
+
+
+@pytest.mark.parametrize(("text", "value"), [
+    ("klt", "klt"),
+    ("true", True),
+    ("7", 7),
+    ("0.5", 0.5),
+    ("1e-3", 1e-3),
+    ("-2.5E4", -2.5e4),
+    ("'7'", "7"),
+    ("", ""),
+    ("[[[0,0],[9,0],[9,9]]]", "[[[0,0],[9,0],[9,9]]]"),
+    ("'[[[0,0],[9,0],[9,9]]]'", "[[[0,0],[9,0],[9,9]]]"),
+    ("masks/water.png", "masks/water.png"),
+    ("a:=b", "a:=b"),
+    ("2024-01-01", "2024-01-01"),
+    ("{", "{"),
+])
+def test_values_are_yaml_scalars_or_stay_text(text: str, value: object) -> None:
+    name, found = assignment(f"some.name:={text}")
+    assert (name, found, type(found)) == ("some.name", value, type(value))
+
+
+@pytest.mark.parametrize("text", ["name", "name=value", ":=value", ""])
+def test_what_is_no_assignment_is_refused(text: str) -> None:
+    with pytest.raises(argparse.ArgumentTypeError, match="name:=value"):
+        assignment(text)
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "1.5", "x", ""])
+def test_a_count_is_a_whole_number_above_0(text: str) -> None:
+    with pytest.raises(argparse.ArgumentTypeError):
+        positive_int(text)
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "nan", "inf", "x", ""])
+def test_a_rate_is_a_finite_number_above_0(text: str) -> None:
+    with pytest.raises(argparse.ArgumentTypeError):
+        positive_float(text)
+
+
+def test_seconds_may_be_none_at_all() -> None:
+    assert (seconds("0"), seconds("2.5")) == (0.0, 2.5)
+
+
+@pytest.mark.parametrize("text", ["-1", "nan", "inf", "x", ""])
+def test_seconds_are_a_finite_number_not_below_0(text: str) -> None:
+    with pytest.raises(argparse.ArgumentTypeError):
+        seconds(text)
