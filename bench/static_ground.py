@@ -61,7 +61,7 @@ def fly(flight: Flight, values: Mapping[str, Value]) -> Course:
     for shot in tqdm(flight, flight.preset.name, disable=None, leave=False):
         answers = stabilizer.answers(Frame(shot.image, "mono8", shot.stamp_ns))
         answers += stabilizer.finish() if shot.index == len(flight) - 1 else []
-        doubt = stabilizer.rival.odds if stabilizer.rival else doubt
+        doubt = stabilizer.competing_hypothesis.odds if stabilizer.competing_hypothesis else doubt
         for track in answers:
             if track.ref_H_cur is not None and track.sigma_px is not None:
                 error_px[track.index] = rms_distance(track.ref_H_cur, flight.ref_H_cur(track.index), flight.size)

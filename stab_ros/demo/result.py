@@ -14,7 +14,7 @@ from stab_ros.demo.replay import HOMOGRAPHY, STABILIZED, TRACK
 from stab_ros.io.bag import open_bag
 from stab_ros.io.homographies import HomographyRow, HomographyWriter
 from stab_ros.io.messages import read_homography, read_size, read_stamp, read_values
-from stab_ros.tracking.stabilizer import StabilizerConfig
+from stab_ros.tracking.settings import StabilizerConfig
 
 _START_NS = round(StabilizerConfig().start_s * 1e9)
 

@@ -30,7 +30,7 @@ from stab_ros.jobs.result_outputs import ResultOutputs
 from stab_ros.jobs.stabilize import Progress, expected
 from stab_ros.methods import METHODS
 from stab_ros.parameters.table import stabilizer_config
-from stab_ros.tracking.stabilizer import StabilizerConfig
+from stab_ros.tracking.settings import StabilizerConfig
 
 METHOD, ESTIMATOR = "sift", "ed_ransac"
 _MODELS = ("affine", "projective", "similarity")  # in the order of Table 2

@@ -125,8 +125,9 @@ def _unused(source: Source, counts: Counts) -> list[str]:
 
 
 def _remarks(source: Source, stabilizer: Stabilizer) -> list[str]:
-    """What the stabilizer doubts of its own answers."""
-    return [f"{source.name}: {remark}" for remark in (stabilizer.rival, stabilizer.relief) if remark is not None]
+    """Reasons why the answers may be wrong."""
+    found = stabilizer.competing_hypothesis, stabilizer.relief
+    return [f"{source.name}: {remark}" for remark in found if remark is not None]
 
 
 def _without_reference(source: Source, reference: Frame | None) -> list[str]:

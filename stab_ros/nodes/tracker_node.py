@@ -315,7 +315,7 @@ class TrackerNode(StabNode):
         self.status.method = str(values["method"])
 
     def _report(self) -> None:
-        self.status.rival, self.status.relief = self.stabilizer.rival, self.stabilizer.relief
+        self.status.rival, self.status.relief = self.stabilizer.competing_hypothesis, self.stabilizer.relief
         self.status.ground = self.stabilizer.ground
         self.status.stamps, self.status.before = self._stamps.counts, self._gaps.before
         report = self.status.report(self.free.ns)

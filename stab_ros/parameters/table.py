@@ -13,7 +13,7 @@ from stab_ros.core.settings import Range, Value, checked, settings_of
 from stab_ros.evaluation.evaluator import EvaluatorConfig
 from stab_ros.methods import METHODS
 from stab_ros.parameters.presets import PRESETS
-from stab_ros.tracking.stabilizer import StabilizerConfig
+from stab_ros.tracking.settings import StabilizerConfig
 
 
 @dataclass(frozen=True)

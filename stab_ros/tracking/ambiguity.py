@@ -1,4 +1,4 @@
-"""A choice of ground that was ambiguous, weighed again as the flight goes on: water keeps going, a camera hovers."""
+"""An ambiguous choice of ground, weighed again as the flight goes on: water keeps flowing, a camera hovers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _DECIDED = 1.5  # logarithm of the odds
 
 
 class Verdict(Enum):
-    """OPEN: both planes may still be the ground. SETTLED: the chosen one is. TURNED: the rival is."""
+    """OPEN: both planes can still be the ground. SETTLED: the chosen one is. TURNED: the other one is."""
 
     OPEN = 0
     SETTLED = 1
@@ -24,38 +24,38 @@ class Verdict(Enum):
 
 
 class Ambiguity:
-    """Between the chosen ground and its rival, since a reference of `size` (width, height) at `start_ns`."""
+    """Two hypotheses: the chosen plane is the ground, or the other one is."""
 
-    def __init__(self, rival: CompetingHypothesis, rival_map: StaticMap, start_ns: int, size: tuple[int, int]) -> None:
-        """rival_map: where ground is if the rival is it."""
-        self.rival, self.rival_map = rival, rival_map
+    def __init__(self, other: CompetingHypothesis, other_map: StaticMap, start_ns: int, size: tuple[int, int]) -> None:
+        """other_map: where ground is by the other hypothesis. start_ns: time of the reference. size: of it, px."""
+        self.other, self.other_map = other, other_map
         self._start_ns, self._size = start_ns, size
 
     def spread(self, ref_H_cur: Homography, time_ns: int) -> FloatArray:
-        """Covariance (8, 8) of h00 .. h21: one sigma is how far apart the two planes put the frame."""
-        x, y = self._away_px(time_ns)
+        """Covariance (8, 8) of h00 .. h21: one sigma is how far apart the two hypotheses place the frame."""
+        x, y = self._apart_px(time_ns)
         change = np.concatenate([x * ref_H_cur[2], y * ref_H_cur[2], np.zeros(2)])
         return np.asarray(np.outer(change, change))
 
     def weigh(self, ref_H_cur: Homography, time_ns: int) -> Verdict:
-        """By how far each plane has been carried until now; the other cues stay what they were."""
+        """By how far each plane has drifted until now; the other cues stay as they were."""
         elapsed_s = self._elapsed_s(time_ns)
         if elapsed_s < _PATIENCE_S:
             return Verdict.OPEN
-        chosen_px, other_px = (drift_px(H, self._size) for H in (ref_H_cur, self.by_rival(ref_H_cur, time_ns)))
-        odds = self.rival.odds_without_drift + drift_odds(chosen_px, other_px, self._size[0], elapsed_s)
+        chosen_px, other_px = (drift_px(H, self._size) for H in (ref_H_cur, self.by_other(ref_H_cur, time_ns)))
+        odds = self.other.odds_without_drift + drift_odds(chosen_px, other_px, self._size[0], elapsed_s)
         if odds > _DECIDED:
             return Verdict.SETTLED
         return Verdict.TURNED if odds < -_DECIDED else Verdict.OPEN
 
-    def by_rival(self, ref_H_cur: Homography, time_ns: int) -> Homography:
-        """Where the frame lies if the rival is the ground, and has gone on as it did."""
-        x, y = self._away_px(time_ns)
+    def by_other(self, ref_H_cur: Homography, time_ns: int) -> Homography:
+        """Where the frame lies by the other hypothesis, if that plane has moved on at its velocity."""
+        x, y = self._apart_px(time_ns)
         return normalized(shift(-x, -y) @ ref_H_cur)
 
-    def _away_px(self, time_ns: int) -> tuple[float, float]:
-        """Where the rival has gone in the reference while the chosen plane stood still, x and y, px."""
-        (x, y), elapsed_s = self.rival.rate_px, self._elapsed_s(time_ns)
+    def _apart_px(self, time_ns: int) -> tuple[float, float]:
+        """How far the other plane has moved in the reference while the chosen one stood still, x and y, px."""
+        (x, y), elapsed_s = self.other.rate_px, self._elapsed_s(time_ns)
         return x * elapsed_s, y * elapsed_s
 
     def _elapsed_s(self, time_ns: int) -> float:

@@ -1,138 +1,48 @@
-"""Which frame the others are compared with: the reference itself, or a later frame whose place in it is known.
-
-* `fixed`: always the reference; no error adds up.
-* `updated`: features are found anew in a later frame and their places carried to the reference by that frame's
-  homography; the fit is then between those and the places in the current frame (Ljubicic et al. 2021, section 2: for
-  large rotation or scale, and less accurate).
-* `adjacent`: each frame is compared with the one before, and the homographies are chained (Zhang et al. 2023, section
-  2, who compare neighbours; chaining needs no second interpolation).
-* `keyframe`: as `updated`, but a later frame becomes a base only where the view leaves the others, and they all stay
-  (`keyframes`).
-
-But for the first the uncertainty of the base goes into that of each comparison, to first order, so that `sigma_px`
-shows the drift. Each comparison sees the same ground, water and interpolation as the one before, so their errors are
-alike: measured, they grow with the number of comparisons and not with its root. So sigmas add up, not their squares.
-"""
+"""The anchor: the frame that others are registered to. It is the reference itself, or a later frame placed in it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
-import cv2
 import numpy as np
 
-from stab_ros.core.geometry import apply, inside, normalized, point_jacobian, product_jacobians, sigma_px
+from stab_ros.core.geometry import apply, inside
 from stab_ros.core.types import BoolArray, Correspondences, Fit, FloatArray, Gray, Homography
 from stab_ros.methods import METHODS
 from stab_ros.methods.base import Method
+from stab_ros.tracking.anchor_pose import AT_REFERENCE, AnchorPose
 from stab_ros.tracking.feature_trust import FeatureTrust
 from stab_ros.tracking.phase_correlation import PhaseCorrelation
 from stab_ros.tracking.points import check_inside, check_used
 from stab_ros.tracking.relocation import Relocation
 from stab_ros.tracking.static_map import StaticMap
 
-REFERENCES = ("fixed", "updated", "adjacent", "keyframe")
-
-# (pairs, guess, trust of each pair) -> the homography from the current frame to where the pairs' reference_px lie
+# (pairs, initial ref_H_cur, weight of each pair) -> the homography of the current frame to where reference_px lie
 Solve = Callable[[Correspondences, Homography, FloatArray], Fit | None]
 
 _RIGHT_MATCHES = 0.5
-_MANY_FEATURES = 200  # enough to tell ground from water all over the picture
-
-
-@dataclass(frozen=True, eq=False)
-class Placement:
-    """Where a base lies in the reference: its homography, and the covariance of that (8, 8)."""
-
-    ref_H_base: Homography
-    covariance: FloatArray
-
-    def to_base(self, ref_H_cur: Homography) -> Homography:
-        """base_H_cur."""
-        return normalized(np.linalg.inv(self.ref_H_base) @ ref_H_cur)
-
-    def to_reference(self, base_H_cur: Homography) -> Homography:
-        """ref_H_cur."""
-        return normalized(self.ref_H_base @ base_H_cur)
-
-    def points_in_base(self, reference_px: FloatArray) -> FloatArray:
-        """(N, 2) points of the reference in base px."""
-        return apply(np.linalg.inv(self.ref_H_base), reference_px)
-
-    def mask_in_base(self, allowed: BoolArray) -> BoolArray:
-        """(h, w) bool of the reference in base px; what the reference does not show is allowed only if all of it is."""
-        if self is REFERENCE or allowed.all():
-            return allowed
-        size = (allowed.shape[1], allowed.shape[0])
-        flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
-        warped = cv2.warpPerspective(allowed.astype(np.uint8), self.ref_H_base, size, flags=flags)
-        return np.asarray(warped, bool)
-
-    def carried(self, pairs: Correspondences) -> Correspondences:
-        """The same with reference_px and information in px of the reference, which were in px of the base."""
-        if self is REFERENCE:
-            return pairs
-        back = np.linalg.inv(point_jacobian(self.ref_H_base, pairs.reference_px))
-        information = back.transpose(0, 2, 1) @ pairs.information @ back
-        reference_px = apply(self.ref_H_base, pairs.reference_px)
-        H = None if pairs.ref_H_cur is None else self.to_reference(pairs.ref_H_cur)
-        return replace(pairs, reference_px=reference_px, information=information, ref_H_cur=H)
-
-    def chained(self, fit: Fit) -> Fit:
-        """A fit of base_H_cur as one of ref_H_cur; its covariance still leaves out that of the base."""
-        _, by_fit = product_jacobians(self.ref_H_base, fit.ref_H_cur)
-        return replace(fit, ref_H_cur=self.to_reference(fit.ref_H_cur), covariance=by_fit @ fit.covariance @ by_fit.T)
-
-    def accumulated(self, fit: Fit, size: tuple[int, int]) -> FloatArray:
-        """Covariance of the fit's ref_H_cur with that of the base (8, 8), so that their sigma_px add up.
-
-        For any r > 0, (1 + 1/r) A + (1 + r) B bounds the covariance of a sum whose parts are correlated in a way that
-        is not known; r is the ratio of the two sigmas.
-        """
-        if self is REFERENCE:
-            return fit.covariance
-        by_base, _ = product_jacobians(self.ref_H_base, self.to_base(fit.ref_H_cur))
-        carried, own = by_base @ self.covariance @ by_base.T, fit.covariance
-        before_px, added_px = (sigma_px(fit.ref_H_cur, part, size) for part in (carried, own))
-        if not before_px or not added_px:
-            return np.asarray(carried + own)
-        return np.asarray((1 + added_px / before_px) * carried + (1 + before_px / added_px) * own)
-
-
-REFERENCE = Placement(np.eye(3), np.zeros((8, 8)))
+_MANY_FEATURES = 200  # enough to tell ground from water all over the image
 
 
 class Anchor:
-    """The frame that others are compared with, and all that depends on it alone."""
+    """A frame that others are registered to, and all that depends on it alone."""
 
-    def __init__(self, gray: Gray, place: Placement, method: Method) -> None:
+    def __init__(self, gray: Gray, pose: AnchorPose, method: Method) -> None:
         """method: made for `gray`, (h, w) uint8, which is not copied."""
-        self.gray, self.place, self._method = gray, place, method
+        self.gray, self.pose, self._method = gray, pose, method
         self._features = FeatureTrust(len(method.reference_px))
 
     @property
     def features_px(self) -> FloatArray:
-        """(features, 2) in px of the base."""
+        """(features, 2) in px of the anchor."""
         return self._method.reference_px
 
     @property
     def trust(self) -> FloatArray:
-        """(features,) in [0, 1]: how far each has proved to be static ground."""
+        """(features,) in [0, 1]: weight of each feature, by how well it has agreed with static ground."""
         return self._features.trust
-
-    def believe(self, static_map: StaticMap) -> None:
-        """Trusts the features as the map of the reference says."""
-        self._features.believe(static_map.at(self._features_in_reference))
-
-    def inherit(self, old: Anchor, static_map: StaticMap | None) -> None:
-        """Trusts the features as the map of the reference says, and where that tells nothing, as an older base does."""
-        at_px = self._features_in_reference
-        trust = StaticMap.of_features(old.features_px, old.trust, self.size).at(old.place.points_in_base(at_px))
-        if static_map is not None:
-            trust = np.where(inside(at_px, static_map.size), static_map.at(at_px), trust)
-        self._features.believe(trust)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -141,86 +51,112 @@ class Anchor:
 
     @property
     def _features_in_reference(self) -> FloatArray:
-        return apply(self.place.ref_H_base, self.features_px)
+        return apply(self.pose.ref_H_anchor, self.features_px)
 
-    def align(self, gray: Gray, guess: Homography, solve: Solve, chain: bool) -> tuple[Correspondences, Fit | None]:
-        """Match and fit from a guess (ref_H_cur); both in px of the reference, without the uncertainty of the base.
+    def set_prior_weights(self, static_map: StaticMap) -> None:
+        """Weights the features by the static map of the reference."""
+        self._features.set_prior(static_map.at(self._features_in_reference))
 
-        chain: fit to the base and chain, else fit to what is carried to the reference.
+    def inherit_weights(self, old: Anchor, static_map: StaticMap | None) -> None:
+        """Weights the features by the static map of the reference, and beyond it by the features of an older anchor."""
+        at_px = self._features_in_reference
+        trust = StaticMap.of_features(old.features_px, old.trust, self.size).at(old.pose.points_in_anchor(at_px))
+        if static_map is not None:
+            trust = np.where(inside(at_px, static_map.size), static_map.at(at_px), trust)
+        self._features.set_prior(trust)
+
+    def update_weights(self, pairs: Correspondences, fit: Fit) -> None:
+        """Moves the weights towards what agreed with an accepted fit."""
+        self._features.update(pairs, fit, self._in_view(fit.ref_H_cur))
+
+    def register(self, gray: Gray, guess: Homography, solve: Solve, chain: bool) -> tuple[Correspondences, Fit | None]:
+        """Match and fit from an initial ref_H_cur; both in px of the reference, without the anchor's uncertainty.
+
+        chain: fit in px of the anchor and multiply the homographies, else fit to points transferred to the reference.
         """
-        near = self.place.to_base(guess)
-        pairs = self._method.match(gray, near, self._features.trust)
-        trust, carried = self._features.trust[pairs.feature_id], self.place.carried(pairs)
+        near = self.pose.in_anchor(guess)
+        pairs = self._method.match(gray, near, self.trust)
+        trust, transferred = self.trust[pairs.feature_id], self.pose.transferred(pairs)
         if not chain:
-            return carried, solve(carried, guess if carried.ref_H_cur is None else carried.ref_H_cur, trust)
+            return transferred, solve(transferred, guess if transferred.ref_H_cur is None else transferred.ref_H_cur,
+                                      trust)
         fit = solve(pairs, near if pairs.ref_H_cur is None else pairs.ref_H_cur, trust)
-        return carried, None if fit is None else self.place.chained(fit)
+        return transferred, None if fit is None else self.pose.chained(fit)
 
     @cached_property
-    def _overview(self) -> PhaseCorrelation:
+    def _phase_correlation(self) -> PhaseCorrelation:
         return PhaseCorrelation(self.gray)
 
     @cached_property
     def _relocation(self) -> Relocation:
         return Relocation(self.gray)
 
-    def jumped(self, gray: Gray, guess: Homography) -> Homography:
-        """`guess` (ref_H_cur) with the shift that a rough look at the whole picture shows."""
-        return self.place.to_reference(self._overview.corrected(gray, self.place.to_base(guess)))
+    def shifted(self, gray: Gray, guess: Homography) -> Homography:
+        """`guess` (ref_H_cur) corrected by the shift that phase correlation finds."""
+        return self.pose.in_reference(self._phase_correlation.corrected(gray, self.pose.in_anchor(guess)))
 
     def relocated(self, gray: Gray) -> Homography | None:
-        """ref_H_cur by features of the whole picture, wherever the frame lies; None where too few agree."""
+        """ref_H_cur by features of the whole image, wherever the frame lies; None where too few agree."""
         many = len(self.features_px) >= _MANY_FEATURES
         ground = StaticMap.of_features(self.features_px, self.trust, self.size) if many else None
         found = self._relocation.find(gray, ground)
-        return None if found is None else self.place.to_reference(found)
+        return None if found is None else self.pose.in_reference(found)
 
     def share_in_view(self, ref_H_cur: Homography) -> float:
-        """How much of the trusted features a frame there shows, in [0, 1]."""
+        """Share of the trusted features that a frame there shows, in [0, 1]."""
         total = float(self.trust.sum())
-        return self.in_view(ref_H_cur) / total if total > 0 else 0.0
+        return self.number_in_view(ref_H_cur) / total if total > 0 else 0.0
 
-    def in_view(self, ref_H_cur: Homography) -> float:
-        """How many trusted features lie in a frame there."""
+    def number_in_view(self, ref_H_cur: Homography) -> float:
+        """Number of trusted features, summed by weight, that lie in a frame there."""
         return float(self.trust[self._in_view(ref_H_cur)].sum())
 
     def expected(self, pairs: Correspondences, ref_H_cur: Homography) -> float:
-        """How many trusted features a frame there should show.
+        """Number of trusted features that a frame there should show.
 
         A detector does not find all of them again, and where the view has changed much, half of its matches are wrong.
         """
         if not self._method.seeks_all:
-            return _RIGHT_MATCHES * float(self._features.trust[pairs.feature_id].sum())
-        return self.in_view(ref_H_cur)
-
-    def learn(self, pairs: Correspondences, fit: Fit) -> None:
-        """Remember which features agreed with an accepted fit."""
-        self._features.learn(pairs, fit, self._in_view(fit.ref_H_cur))
+            return _RIGHT_MATCHES * float(self.trust[pairs.feature_id].sum())
+        return self.number_in_view(ref_H_cur)
 
     def _in_view(self, ref_H_cur: Homography) -> BoolArray:
         """(features,) bool: which of them lie in the frame."""
-        seen_px = apply(np.linalg.inv(self.place.to_base(ref_H_cur)), self._method.reference_px)
+        seen_px = apply(np.linalg.inv(self.pose.in_anchor(ref_H_cur)), self._method.reference_px)
         return inside(seen_px, self.size)
 
 
-def make_base(gray: Gray, place: Placement, method: str, method_config: object, allowed: BoolArray,
-              points_px: FloatArray) -> Anchor:
-    """A base that looks for what is allowed, (h, w) bool, and named, (n, 2) px, in the reference.
+@dataclass(frozen=True, eq=False)
+class AnchorFactory:
+    """Makes anchors by one method and its `Config` (None: the defaults).
 
-    method_config: the method's own `Config`; None: its defaults.
+    allowed: (h, w) bool, where features may lie in the reference. points_px: (n, 2), features named by the user.
     """
-    kind = METHODS[method]
-    named_px = place.points_in_base(points_px)
-    return Anchor(gray, place, kind(gray, place.mask_in_base(allowed), method_config or kind.Config(), named_px))
 
+    method: str
+    method_config: object
+    allowed: BoolArray
+    points_px: FloatArray
 
-def reference_base(gray: Gray, method: str, method_config: object, allowed: BoolArray, points_px: FloatArray) -> Anchor:
-    """The reference itself as the base.
+    def makes_as(self, other: AnchorFactory) -> bool:
+        """Whether both make the same anchors."""
+        return ((self.method, self.method_config) == (other.method, other.method_config)
+                and np.array_equal(self.allowed, other.allowed) and np.array_equal(self.points_px, other.points_px))
 
-    Raises:
-        InputError: a point is of no use in it. (In a later base, which it may have left, the others do without it.)
-    """
-    check_inside(points_px, (gray.shape[1], gray.shape[0]))
-    base = make_base(gray, REFERENCE, method, method_config, allowed, points_px)
-    check_used(points_px, base.features_px, method)
-    return base
+    def at(self, gray: Gray, pose: AnchorPose) -> Anchor:
+        """An anchor of `gray`, (h, w) uint8, at a pose; named points that have left the view are left out."""
+        kind = METHODS[self.method]
+        named_px = pose.points_in_anchor(self.points_px)
+        config = self.method_config or kind.Config()
+        return Anchor(gray, pose, kind(gray, pose.mask_in_anchor(self.allowed), config, named_px))
+
+    def reference(self, gray: Gray) -> Anchor:
+        """The reference itself as the anchor.
+
+        Raises:
+            InputError: a named point cannot be used in it.
+        """
+        check_inside(self.points_px, (gray.shape[1], gray.shape[0]))
+        anchor = self.at(gray, AT_REFERENCE)
+        check_used(self.points_px, anchor.features_px, self.method)
+        return anchor

@@ -1,4 +1,4 @@
-"""Memory of which features of the reference have proved to be static ground."""
+"""A weight for each feature: how well it has agreed with static ground so far."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import numpy as np
 
 from stab_ros.core.types import BoolArray, Correspondences, Fit, FloatArray
 
-_RATE = 0.2  # of a frame's evidence against a feature: half its trust is gone after three frames
+_RATE = 0.2  # of a frame's evidence against a feature: half its weight is gone after three frames
 _REGAINING = 0.05  # of a frame's evidence for it: what agrees by chance for a few frames is not ground yet
 
 
 class FeatureTrust:
-    """One trust in [0, 1] for each feature of the reference; all are trusted until they disagree.
+    """One weight in [0, 1] for each feature of an anchor, 1 at first.
 
-    A feature that keeps moving against the fitted plane or is not found again (water, leaves, glitter) loses its say
-    within a few frames, and gets it back within a second if it comes to rest. What lies outside the picture is left
-    alone.
+    A feature that keeps moving against the fitted plane or is not found again (water, leaves, glitter) is down-weighted
+    within a few frames, and regains its weight within a second if it comes to rest. Features outside the image keep
+    theirs.
     """
 
     def __init__(self, features: int) -> None:
@@ -27,13 +27,13 @@ class FeatureTrust:
         """(features,) float64."""
         return self._trust
 
-    def believe(self, trust: FloatArray) -> None:
-        """What is known of them from elsewhere: (features,) in [0, 1], in place of what was learnt."""
+    def set_prior(self, trust: FloatArray) -> None:
+        """Replaces the weights by a prior, (features,) in [0, 1]."""
         self._trust = trust.astype(np.float64)
         self._frames = max(self._frames, round(1 / _REGAINING))
 
-    def learn(self, pairs: Correspondences, fit: Fit, in_view: BoolArray) -> None:
-        """Move the trust of all features that should be visible towards whether they agreed with the accepted fit."""
+    def update(self, pairs: Correspondences, fit: Fit, in_view: BoolArray) -> None:
+        """Moves the weights of features in view, (features,) bool, towards 1 for inliers of the fit, 0 for the others."""
         self._frames += 1
         agreed = np.zeros(len(self._trust))
         agreed[pairs.feature_id[fit.inlier]] = 1.0

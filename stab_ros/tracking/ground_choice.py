@@ -1,16 +1,15 @@
-"""Which of the planes that move is the ground: the cues, in the order in which they count, and what they leave open.
+"""Which of the moving planes is the ground: the cues, in the order of their weight, and the ambiguity they leave.
 
-Motion alone cannot say it: a camera that drifts with the water sees what a camera that stands over the ground sees.
-So each pair of planes is weighed by
+Motion alone does not tell: a camera that drifts with the water sees what a camera that hovers over the ground sees.
+So each pair of planes is compared by
 
-1. persistence: ground keeps its template; the share of the features in a plane's own territory that are on it,
+1. persistence: ground keeps its texture; the share of inliers among the features in a plane's Voronoi cells,
 2. spread: banks lie on either side of the water; how much of the other plane the convex hull of one encloses,
-3. drift: a hovering camera moves little; how far each plane was carried during the start,
+3. drift: a hovering camera moves little; how far each plane moved during the start-up,
 4. size,
 
-as logarithms of odds that add up. Each of them is bounded, so none can silence the others. (A polygon or a static map
-comes before them all: with either there is nothing to choose.) Where the sum stays small, the choice is ambiguous, and
-that is said.
+as log odds that add up. Each of them is bounded, so none can outweigh all others. (A polygon or a static map replaces
+them all.) Where the sum stays small, the choice is ambiguous, and the other plane is kept as a competing hypothesis.
 """
 
 from __future__ import annotations
@@ -26,13 +25,13 @@ from stab_ros.core.geometry import apply, grid
 from stab_ros.core.types import FloatArray, Homography, IdArray
 from stab_ros.tracking.planes import Plane
 
-_PERSISTENCE, _SPREAD, _SIZE = 2.0, 3.5, 0.25  # odds, in units of their logarithms
+_PERSISTENCE, _SPREAD, _SIZE = 2.0, 3.5, 0.25  # log odds
 _MOST_BY_DRIFT = 1.0  # after a second; evidence grows with time
-_HOVERING = 0.0015  # of the picture's width: a hovering camera drifts that much while a start lasts
+_HOVERING = 0.0015  # of the image width: drift of a hovering camera during the start-up
 _AMBIGUOUS = 1.65  # odds of 5 to 1, more than drift and size alone can give
-_APART_PX = 1.0  # planes that part by less are no different choice
-_UNSTEADY = 0.3  # of the way that two planes part, at most, is not in proportion to the time
-_LEAST_SHARE = 0.1  # of both planes' features: a rival has at least that many
+_APART_PX = 1.0  # planes that separate by less make no difference
+_UNSTEADY = 0.3  # largest share of the separation that is not in proportion to time
+_LEAST_SHARE = 0.1  # of the features of both planes, for a competing hypothesis
 
 
 Rate: TypeAlias = tuple[float, float]  # (x, y) px/s
@@ -40,12 +39,11 @@ Rate: TypeAlias = tuple[float, float]  # (x, y) px/s
 
 @dataclass(frozen=True, eq=False)
 class CompetingHypothesis:
-    """A plane that may be the ground as well as the chosen one.
+    """Another plane that can be the ground.
 
-    share: of the features of both planes that are the rival's. rate_px: (x, y) px/s, where the rival goes in the
-    reference while the chosen plane stands still. ground_drift_px, drift_px: (x, y) px/s, where the chosen plane and
-    the rival go in the picture. odds: logarithm of how much more likely the choice is than the rival;
-    odds_without_drift: by all cues but the drift.
+    share: of the features of both planes, in [0, 1]. rate_px: (x, y) px/s, velocity of this plane in the reference
+    while the chosen one stands still. ground_drift_px, drift_px: (x, y) px/s, velocity of the chosen plane and of this
+    one in the image. odds: log odds of the chosen plane against this one; odds_without_drift: by all cues but drift.
     """
 
     plane: Plane
@@ -64,71 +62,72 @@ class CompetingHypothesis:
 
 
 def _heading(rate_px: Rate) -> str:
-    """A speed as words; 0 degrees is to the right, 90 down."""
+    """A velocity in words; 0 degrees is to the right, 90 down."""
     degrees = round(math.degrees(math.atan2(rate_px[1], rate_px[0]))) % 360
     return f"{math.hypot(*rate_px):.1f} px/s towards {degrees} degrees"
 
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The plane taken for the ground, and its strongest rival (None: there is no doubt)."""
+    """The plane taken for the ground, and the strongest competing hypothesis (None: the choice is clear)."""
 
     ground: Plane
-    rival: CompetingHypothesis | None = None
+    other: CompetingHypothesis | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Observations:
-    """What the choice is made from: places (N, 2) px of all features, size (width, height), and seconds per frame."""
+    """reference_px: (N, 2) of all features. size: width, height, px. elapsed_s: (F,), since the reference."""
 
     reference_px: FloatArray
     size: tuple[int, int]
     elapsed_s: FloatArray
 
 
-def choose_ground(planes: list[Plane], scene: Observations, provisional: bool = False) -> Choice:
-    """The plane, of at least one, that is more likely the ground than any other.
+def choose_ground(planes: list[Plane], seen: Observations, provisional: bool = False) -> Choice:
+    """The most likely ground among one or more planes.
 
-    provisional: too little was seen to be certain, so each other plane is a rival, whatever the odds.
+    provisional: too little was seen to be certain, so any other plane is a competing hypothesis, whatever the odds.
     """
-    cues = _cues(planes, scene)
+    cues = _cues(planes, seen)
     odds = np.array([[a.odds_against(b) for b in cues] for a in cues])
     best = int(np.argmax(np.min(odds, axis=1)))
     others = [k for k in np.argsort(odds[best]).tolist() if k != best]  # the most likely one first
     certain = math.inf if provisional else _AMBIGUOUS
-    rivals = (_rival(planes[best], planes[k], cues[best], cues[k], scene, certain) for k in others)
-    return Choice(planes[best], next((rival for rival in rivals if rival is not None), None))
+    found = (_competing(planes[best], planes[k], cues[best], cues[k], seen, certain) for k in others)
+    return Choice(planes[best], next((other for other in found if other is not None), None))
 
 
 @dataclass(frozen=True, eq=False)
 class _Cues:
-    """persistence: share of its territory. hull: (n, 2). places: (n, 2) of its features. drift_px: until the end.
+    """Cues of one plane.
 
-    width_px: of the picture. elapsed_s: how long the start was.
+    persistence: share of inliers in its Voronoi cells. hull, features_px: (n, 2). drift_px: at the end of the start-up.
+    width_px: of the image. elapsed_s: length of the start-up.
     """
 
     persistence: float
     hull: FloatArray
-    places: FloatArray
+    features_px: FloatArray
     drift_px: float
     width_px: int
     elapsed_s: float
 
     def odds_against(self, other: _Cues) -> float:
-        """Logarithm of the odds that this plane is the ground and not the other one."""
+        """Log odds that this plane is the ground and not the other one."""
         return self.odds_without_drift(other) + drift_odds(self.drift_px, other.drift_px, self.width_px, self.elapsed_s)
 
     def odds_without_drift(self, other: _Cues) -> float:
-        """The same by all cues but the drift."""
-        spread = _enclosed(other.places, self.hull) - _enclosed(self.places, other.hull)
+        """The same by all cues but drift."""
+        spread = _enclosed(other.features_px, self.hull) - _enclosed(self.features_px, other.hull)
         return (_PERSISTENCE * math.log(self.persistence / other.persistence) + _SPREAD * spread
-                + _SIZE * math.log(len(self.places) / len(other.places)))
+                + _SIZE * math.log(len(self.features_px) / len(other.features_px)))
 
 
 def drift_odds(own_px: float, other_px: float, width_px: int, elapsed_s: float) -> float:
-    """Logarithm of the odds that a plane is the ground, which was carried by `own_px`, and not another.
+    """Log odds that a plane that moved by `own_px` is the ground, and not one that moved by `other_px`.
 
-    A Cauchy distribution of the camera's drift: it hovers, but now and then it does not.
+    The drift of the camera has a Cauchy distribution: it hovers, but now and then it does not.
     """
     time = math.sqrt(max(elapsed_s, 1.0))
     usual_px, most = _HOVERING * width_px * time, _MOST_BY_DRIFT * time
@@ -137,28 +136,28 @@ def drift_odds(own_px: float, other_px: float, width_px: int, elapsed_s: float) 
 
 
 def drift_px(ref_H_cur: Homography, size: tuple[int, int]) -> float:
-    """How far a frame of `size` (width, height) has been carried, on average over its grid, px."""
+    """How far a frame of `size` (width, height) has moved, on average over its grid, px."""
     return math.hypot(*np.mean(apply(ref_H_cur, grid(size)) - grid(size), axis=0))
 
 
-def _cues(planes: list[Plane], scene: Observations) -> list[_Cues]:
+def _cues(planes: list[Plane], seen: Observations) -> list[_Cues]:
     found = []
-    for plane, persistence in zip(planes, _persistences(planes, scene), strict=True):
-        places = scene.reference_px[plane.member]
-        hull = np.asarray(cv2.convexHull(places.astype(np.float32)).reshape(-1, 2))
-        found.append(_Cues(persistence, hull, places, drift_px(plane.last, scene.size), scene.size[0],
-                           float(scene.elapsed_s[-1])))
+    for plane, persistence in zip(planes, _persistences(planes, seen), strict=True):
+        features_px = seen.reference_px[plane.member]
+        hull = np.asarray(cv2.convexHull(features_px.astype(np.float32)).reshape(-1, 2))
+        found.append(_Cues(persistence, hull, features_px, drift_px(plane.last, seen.size), seen.size[0],
+                           float(seen.elapsed_s[-1])))
     return found
 
 
-def _persistences(planes: list[Plane], scene: Observations) -> list[float]:
-    """The share of each plane's features among all that are nearer to one of them than to any other plane's."""
-    owner = np.full(len(scene.reference_px), -1)
+def _persistences(planes: list[Plane], seen: Observations) -> list[float]:
+    """The share of inliers among all features in the Voronoi cells of each plane's inliers."""
+    owner = np.full(len(seen.reference_px), -1)
     for k, plane in enumerate(planes):
         owner[plane.member] = k
-    lost, kept = scene.reference_px[owner < 0], scene.reference_px[owner >= 0]
-    strays = np.bincount(owner[owner >= 0][_nearest(lost, kept)], minlength=len(planes))
-    return [len(plane) / (len(plane) + int(astray)) for plane, astray in zip(planes, strays, strict=True)]
+    lost, kept = seen.reference_px[owner < 0], seen.reference_px[owner >= 0]
+    outliers = np.bincount(owner[owner >= 0][_nearest(lost, kept)], minlength=len(planes))
+    return [len(plane) / (len(plane) + int(n)) for plane, n in zip(planes, outliers, strict=True)]
 
 
 def _nearest(points: FloatArray, others: FloatArray) -> IdArray:
@@ -167,32 +166,32 @@ def _nearest(points: FloatArray, others: FloatArray) -> IdArray:
     return np.array([match.trainIdx for match in matches], np.int64)
 
 
-def _enclosed(places: FloatArray, hull: FloatArray) -> float:
-    """Share of the places (n, 2) inside a convex outline (m, 2)."""
+def _enclosed(points: FloatArray, hull: FloatArray) -> float:
+    """Share of the points (n, 2) inside a convex hull (m, 2)."""
     outline = hull.reshape(-1, 1, 2).astype(np.float32)
-    return float(np.mean([cv2.pointPolygonTest(outline, (x, y), False) >= 0 for x, y in places.tolist()]))
+    return float(np.mean([cv2.pointPolygonTest(outline, (x, y), False) >= 0 for x, y in points.tolist()]))
 
 
-def _rival(chosen: Plane, other: Plane, cues: _Cues, of_other: _Cues, scene: Observations,
-           certain: float) -> CompetingHypothesis | None:
-    """The other plane as a rival; None where the odds are `certain`, or the two do not part, or not steadily."""
+def _competing(chosen: Plane, other: Plane, cues: _Cues, of_other: _Cues, seen: Observations,
+               certain: float) -> CompetingHypothesis | None:
+    """The other plane as a hypothesis; None where the odds are `certain`, or the two do not separate steadily."""
     odds, share = cues.odds_against(of_other), len(other) / (len(chosen) + len(other))
     if odds >= certain or share < _LEAST_SHARE:
         return None
     both = np.flatnonzero(~np.isnan(chosen.ref_H_cur[:, 0, 0]) & ~np.isnan(other.ref_H_cur[:, 0, 0]))
-    centre = np.array([[scene.size[0] / 2, scene.size[1] / 2]])
+    centre = np.array([[seen.size[0] / 2, seen.size[1] / 2]])
     ground_px = np.array([apply(np.linalg.inv(chosen.ref_H_cur[f]), centre)[0] for f in both])
     other_px = np.array([apply(np.linalg.inv(other.ref_H_cur[f]), centre)[0] for f in both])
     away_px = np.array([apply(chosen.ref_H_cur[f], at[None])[0] for f, at in zip(both, other_px, strict=True)]) - centre
-    elapsed_s = scene.elapsed_s[both]
+    elapsed_s = seen.elapsed_s[both]
     rate, ground_drift, drift = (_rate(elapsed_s, far) for far in (away_px, ground_px - centre, other_px - centre))
-    if np.abs(away_px).max(initial=0) < _APART_PX or not _goes_on(elapsed_s, away_px, rate):
+    if np.abs(away_px).max(initial=0) < _APART_PX or not _is_steady(elapsed_s, away_px, rate):
         return None
     return CompetingHypothesis(other, share, rate, ground_drift, drift, odds, cues.odds_without_drift(of_other))
 
 
-def _goes_on(elapsed_s: FloatArray, away_px: FloatArray, rate: Rate) -> bool:
-    """Whether a plane parts steadily, as water does; blur sets edges off, too, but they stay where they are."""
+def _is_steady(elapsed_s: FloatArray, away_px: FloatArray, rate: Rate) -> bool:
+    """Whether a plane moves off steadily, as water does; blur shifts edges, too, but they stay where they are."""
     unsteady = away_px - elapsed_s[:, None] * np.array(rate)
     return bool(np.sum(unsteady**2) < _UNSTEADY**2 * np.sum(away_px**2))
 

@@ -1,38 +1,46 @@
-"""Keyframes: frames that carry on where the view leaves the reference, each placed by one that came before it.
+"""Strategy `keyframe`: frames that stay anchors where the view leaves the reference, each placed by an earlier one.
 
-The frame is compared with the best placed keyframe that it overlaps enough, so the reference itself whenever that is in
-view again. The keyframe left behind then gets the better place that the frame has told it, and with it all that were
-placed by it: the loop is closed. Keyframes are few, and far ones are forgotten.
+A frame is registered to the keyframe with the smallest uncertainty that it overlaps enough: to the reference itself
+whenever that is in view again. The keyframe left behind then takes the better pose that this frame gives it, and with
+it all keyframes that were placed by it: the loop is closed. Keyframes are few, and the farthest are dropped.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
 
 from stab_ros.core.geometry import apply, normalized, product_jacobians, sigma_px
 from stab_ros.core.types import Fit, FloatArray, Homography
-from stab_ros.tracking.anchor import Anchor, Placement
+from stab_ros.tracking.anchor import Anchor
+from stab_ros.tracking.anchor_pose import AnchorPose
+from stab_ros.tracking.settings import StabilizerConfig
+from stab_ros.tracking.strategies import Check
 
-_ENOUGH = 0.5  # of a keyframe's trusted features in view: a better placed one is taken
+_ENOUGH = 0.5  # of a keyframe's trusted features in view: one with a smaller uncertainty is taken
 _SCARCE = 0.35  # with fewer, any keyframe that shows more is taken
 _NEW = 0.7  # with fewer, a new one is made
+_OTHERS = 3  # that a lost frame is searched in
 
 
 @dataclass(eq=False)
 class _Keyframe:
-    base: Anchor
+    anchor: Anchor
     parent: _Keyframe | None
     sigma_px: float
 
 
 class Keyframes:
-    """All keyframes of one reference, that one first."""
+    """All keyframes of one reference, that one first. anchor: of the last tracked frame."""
 
-    def __init__(self, reference: Anchor, size: tuple[int, int], most: int) -> None:
-        """size: width, height, px, of all frames. most: so many are kept, the reference among them."""
-        self._size, self._most = size, most
+    chains = False
+
+    def __init__(self, reference: Anchor, most: int) -> None:
+        """most: number of keyframes kept, the reference among them."""
+        self.anchor = reference
+        self._most = most
         self._all = [_Keyframe(reference, None, 0.0)]
         self._current = self._all[0]
 
@@ -40,66 +48,74 @@ class Keyframes:
         return len(self._all)
 
     @property
-    def base(self) -> Anchor:
-        """What frames are compared with now."""
-        return self._current.base
+    def anchors(self) -> list[Anchor]:
+        """All of them, the reference first."""
+        return [one.anchor for one in self._all]
 
     def choose(self, ref_H_cur: Homography) -> Anchor:
-        """The base for a frame that is expected there: the best placed one that shows enough of it."""
-        shares = {id(one): one.base.share_in_view(ref_H_cur) for one in self._all}
+        """The keyframe for a frame expected there: the one with the smallest uncertainty that it shows enough of."""
+        shares = {id(one): one.anchor.share_in_view(ref_H_cur) for one in self._all}
         enough = [one for one in self._all if shares[id(one)] >= _ENOUGH]
         best = min(enough, key=lambda one: one.sigma_px, default=None)
         if best is not None and (best.sigma_px < self._current.sigma_px or shares[id(self._current)] < _SCARCE):
             self._current = best
         elif shares[id(self._current)] < _SCARCE:
             self._current = max(self._all, key=lambda one: shares[id(one)])
-        return self._current.base
+        return self._current.anchor
 
     def others(self, ref_H_cur: Homography) -> list[Anchor]:
-        """All other bases, those nearest to where a frame was first."""
+        """The other keyframes that lie nearest to a frame there."""
         rest = [one for one in self._all if one is not self._current]
-        return [one.base for one in sorted(rest, key=lambda one: self._apart(one, ref_H_cur))]
+        return [one.anchor for one in sorted(rest, key=lambda one: self._apart_px(one, ref_H_cur))][:_OTHERS]
 
-    def take(self, base: Anchor) -> None:
-        """A frame has been found by another of the bases."""
-        self._current = next(one for one in self._all if one.base is base)
+    def registered(self, anchor: Anchor, fit: Fit, check: Check) -> None:
+        """Closes a loop: the anchor of the frames until now takes the pose that a frame of another anchor gives it."""
+        previous, self.anchor = self.anchor, anchor
+        if previous is anchor:
+            return
+        self._current = next(one for one in self._all if one.anchor is anchor)
+        seen = check(previous)
+        if seen is not None:
+            both = anchor.pose.accumulated(fit, previous.size) + seen.covariance  # two registrations of one frame
+            self._correct(previous, previous.pose.in_anchor(seen.ref_H_cur), dataclasses.replace(fit, covariance=both))
 
-    def wants_new(self, ref_H_cur: Homography) -> bool:
+    def wants_anchor(self, ref_H_cur: Homography, _config: StabilizerConfig) -> bool:
         """Whether a frame there should become a keyframe: no keyframe shows most of it."""
-        return max(one.base.share_in_view(ref_H_cur) for one in self._all) < _NEW
+        return max(one.anchor.share_in_view(ref_H_cur) for one in self._all) < _NEW
 
-    @property
-    def bases(self) -> list[Anchor]:
-        """All of them, the reference first."""
-        return [one.base for one in self._all]
-
-    def add(self, base: Anchor) -> None:
-        """A keyframe placed by the current base; the farthest from it is forgotten if there are too many."""
-        sigma = sigma_px(base.place.ref_H_base, base.place.covariance, self._size)
-        self._all.append(_Keyframe(base, self._current, sigma))
+    def add(self, anchor: Anchor) -> None:
+        """Adds a keyframe placed by the current one; the farthest from it is dropped if there are too many."""
+        sigma = sigma_px(anchor.pose.ref_H_anchor, anchor.pose.covariance, anchor.size)
+        self._all.append(_Keyframe(anchor, self._current, sigma))
         if len(self._all) > self._most:
             old = [one for one in self._all[1:] if one is not self._current]
-            self._forget(max(old, key=lambda one: self._apart(one, base.place.ref_H_base)))
+            self._drop(max(old, key=lambda one: self._apart_px(one, anchor.pose.ref_H_anchor)))
 
-    def _forget(self, gone: _Keyframe) -> None:
+    def resume(self, anchor: Anchor) -> None:
+        """Goes on from a keyframe that is not the reference."""
+        self.add(anchor)
+        self.anchor, self._current = anchor, self._all[-1]
+
+    def _drop(self, gone: _Keyframe) -> None:
         self._all.remove(gone)
         for one in self._all:
             if one.parent is gone:
                 one.parent = gone.parent
 
-    def correct(self, younger: Anchor, base_H_cur: Homography, fit: Fit) -> None:
-        """`younger` sees a frame at `base_H_cur` whose place, `fit`, a better placed base has told."""
-        keyframe = next((one for one in self._all if one.base is younger), None)
-        sigma = sigma_px(fit.ref_H_cur, fit.covariance, self._size)
+    def _correct(self, anchor: Anchor, anchor_H_cur: Homography, fit: Fit) -> None:
+        """Places `anchor` by a frame that lies at `anchor_H_cur` in it and at `fit`, if that is more certain."""
+        keyframe = next((one for one in self._all if one.anchor is anchor), None)
+        sigma = sigma_px(fit.ref_H_cur, fit.covariance, anchor.size)
         if keyframe is None or keyframe.parent is None or sigma >= keyframe.sigma_px:
             return
-        place = normalized(fit.ref_H_cur @ np.linalg.inv(base_H_cur))
-        by_fit, _ = product_jacobians(fit.ref_H_cur, np.linalg.inv(base_H_cur))
-        moved = place @ np.linalg.inv(younger.place.ref_H_base)
+        ref_H_anchor = normalized(fit.ref_H_cur @ np.linalg.inv(anchor_H_cur))
+        by_fit, _ = product_jacobians(fit.ref_H_cur, np.linalg.inv(anchor_H_cur))
+        moved = ref_H_anchor @ np.linalg.inv(anchor.pose.ref_H_anchor)
         for one in self._all:
             if one is not keyframe and self._descends(one, keyframe):
-                one.base.place = Placement(normalized(moved @ one.base.place.ref_H_base), one.base.place.covariance)
-        younger.place = Placement(place, by_fit @ fit.covariance @ by_fit.T)
+                pose = one.anchor.pose
+                one.anchor.pose = AnchorPose(normalized(moved @ pose.ref_H_anchor), pose.covariance)
+        anchor.pose = AnchorPose(ref_H_anchor, by_fit @ fit.covariance @ by_fit.T)
         keyframe.sigma_px = sigma
 
     @staticmethod
@@ -110,8 +126,10 @@ class Keyframes:
             one = one.parent
         return False
 
-    def _apart(self, one: _Keyframe, ref_H_cur: Homography) -> float:
-        """Between the middles of a keyframe and of a frame, px of the reference."""
-        middle = np.array([[self._size[0] / 2, self._size[1] / 2]])
-        away: FloatArray = apply(one.base.place.ref_H_base, middle) - apply(ref_H_cur, middle)
+    @staticmethod
+    def _apart_px(one: _Keyframe, ref_H_cur: Homography) -> float:
+        """Between the centres of a keyframe and of a frame, px of the reference."""
+        width, height = one.anchor.size
+        centre = np.array([[width / 2, height / 2]])
+        away: FloatArray = apply(one.anchor.pose.ref_H_anchor, centre) - apply(ref_H_cur, centre)
         return float(np.hypot(*away[0]))

@@ -1,4 +1,4 @@
-"""Whether what is taken for one plane is none: residuals that neighbours share and that lie along one direction.
+"""Whether the ground is no plane: residuals that neighbouring cells share, along one direction.
 
 A camera that moves sideways sees what stands above the plane move further: the homography then is a compromise. Noise
 differs from feature to feature, stray water from cell to cell of the picture, so what neighbouring cells share is
@@ -30,7 +30,7 @@ _ONE_WAY = 0.75  # of the squares lie along one direction
 
 @dataclass(frozen=True)
 class Relief:
-    """px: RMS of what neighbours share; the homography has taken up more of it, and errs by that.
+    """px: RMS of the shared residuals; the homography has absorbed more of the parallax, and errs by that.
 
     deg: the direction along which, in the reference, 0 right and 90 down.
     """
@@ -66,11 +66,11 @@ class Parallax:
 
     @property
     def relief(self) -> Relief | None:
-        """What there is to warn of; None: nothing."""
+        """The parallax, if it is enough for a warning; else None."""
         return self._relief
 
     def _judged(self) -> Relief | None:
-        """With some patience: a warning stays until there is clearly less."""
+        """With hysteresis: a warning stays until there is clearly less."""
         values, axes = np.linalg.eigh(self._shared)
         px = math.sqrt(max(values[1], 0.0))
         one_way = values[1] > _ONE_WAY * np.abs(values).sum()
@@ -80,7 +80,7 @@ class Parallax:
 
 
 def _shared_by_neighbours(places_px: FloatArray, off_px: FloatArray, size: tuple[int, int]) -> FloatArray | None:
-    """(2, 2) mean product of what neighbouring cells are off by, px^2: neither noise nor a cell of water is in it."""
+    """(2, 2) mean product of the residuals of neighbouring cells, px^2, in which noise and single cells cancel out."""
     cell = (places_px / np.array(size) * _CELLS).astype(int).clip(0, np.array(_CELLS) - 1)
     index, cells = cell[:, 1] * _CELLS[0] + cell[:, 0], _CELLS[0] * _CELLS[1]
     count = np.bincount(index, minlength=cells)

@@ -1,4 +1,4 @@
-"""A rough look at the whole picture, for when a frame is not where it was expected: how far has it jumped?"""
+"""The shift of a frame that is not where it was predicted, by phase correlation of reduced images."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from stab_ros.core.downscale import Downscaling
 from stab_ros.core.geometry import shift
 from stab_ros.core.types import Gray, Homography, Image
 
-_WIDTH_PX = 240  # of the small pictures, at most twice that
+_WIDTH_PX = 240  # of the reduced images, at most twice that
 
 
 class PhaseCorrelation:
-    """Shifts found by phase correlation (Kuglin and Hines 1975) of small pictures; no rotation, no scale."""
+    """Shifts found by phase correlation (Kuglin and Hines 1975) of reduced images; no rotation, no scale."""
 
     def __init__(self, reference: Gray) -> None:
         """reference: (h, w) uint8."""

@@ -2,7 +2,7 @@
 
 One pair of frames cannot tell slow water from ground, a second can: the features of a plane agree with one motion in
 every frame. Samples of two features (a similarity in each of four frames, once the common turn and tilt of the camera
-are taken off) are ranked by how many others go along in all four; the best is widened to homographies in all frames,
+are taken off) are ranked by how many others agree in all four; the best is widened to homographies in all frames,
 its features are set aside, and the next is sought among the rest.
 """
 
@@ -17,7 +17,7 @@ from stab_ros.core.kernels import F64, I64, kernel, read
 from stab_ros.core.types import BoolArray, FloatArray, Homography, IdArray
 from stab_ros.estimation import estimators
 from stab_ros.estimation.problem import own_noise, strongest
-from stab_ros.tracking.survey import Trajectories
+from stab_ros.tracking.feature_tracks import Trajectories
 
 _THRESHOLD_PX = 0.6
 _OCTAVES = 3  # samples are ranked by the threshold, its half and its quarter: two planes must not pass for one
@@ -36,7 +36,7 @@ _MOTIONS = (read(F64, 2), read(F64, 3), read(F64, 2))  # start, moved, noise
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """Features that move as one plane. member: (N,) bool. ref_H_cur: (F, 3, 3), NaN where a frame tells nothing."""
+    """Features that move as one plane. member: (N,) bool. ref_H_cur: (F, 3, 3), NaN where a frame gives none."""
 
     member: BoolArray
     ref_H_cur: FloatArray
@@ -46,20 +46,20 @@ class Plane:
 
     @property
     def last(self) -> Homography:
-        """ref_H_cur of the last frame that tells one."""
+        """ref_H_cur of the last frame that has one."""
         return np.asarray(self.ref_H_cur[np.flatnonzero(~np.isnan(self.ref_H_cur[:, 0, 0]))[-1]])
 
 
-def find_planes(seen_from: Trajectories) -> list[Plane]:
+def find_planes(trajectories: Trajectories) -> list[Plane]:
     """The planes that the features move with, the largest first; none where too few features were followed."""
-    quarters = _quarter_frames(seen_from)
+    quarters = _quarter_frames(trajectories)
     if not len(quarters):
         return []
-    left: BoolArray = np.all(seen_from.seen[quarters], axis=0)
+    left: BoolArray = np.all(trajectories.seen[quarters], axis=0)
     planes: list[Plane] = []
     least = max(_LEAST_FEATURES, int(_LEAST_SHARE * len(left)))
     while left.sum() >= least and len(planes) < _MOST_PLANES:
-        plane = _widened(seen_from, _largest(seen_from, quarters, left), quarters, left)
+        plane = _widened(trajectories, _largest(trajectories, quarters, left), quarters, left)
         if plane is None or len(plane) < least:
             break
         planes.append(plane)
@@ -67,19 +67,19 @@ def find_planes(seen_from: Trajectories) -> list[Plane]:
     return sorted(planes, key=len, reverse=True)
 
 
-def _quarter_frames(seen_from: Trajectories) -> IdArray:
+def _quarter_frames(trajectories: Trajectories) -> IdArray:
     """Up to four of the followed frames, evenly spread, the last one among them."""
-    followed = np.flatnonzero(seen_from.seen.any(axis=1))
+    followed = np.flatnonzero(trajectories.seen.any(axis=1))
     at = np.linspace(0, len(followed), _QUARTERS + 1)[1:] - 1
     return np.unique(followed[np.clip(np.round(at).astype(int), 0, None)]) if len(followed) else followed
 
 
-def _largest(seen_from: Trajectories, quarters: IdArray, left: BoolArray) -> BoolArray:
-    """(N,) bool: the largest group of what is `left` that goes along with two of its features in all four frames."""
+def _largest(trajectories: Trajectories, quarters: IdArray, left: BoolArray) -> BoolArray:
+    """(N,) bool: the largest group of `left` that agrees with the similarity of two features in all four frames."""
     which = np.flatnonzero(left)
-    start = seen_from.reference_px[which]
-    moved = np.stack([apply(seen_from.shapes[f], seen_from.current_px[f, which]) for f in quarters])
-    noise = np.stack([noises(seen_from.information[f, which]) for f in quarters])
+    start = trajectories.reference_px[which]
+    moved = np.stack([apply(trajectories.shapes[f], trajectories.current_px[f, which]) for f in quarters])
+    noise = np.stack([noises(trajectories.information[f, which]) for f in quarters])
     samples = np.random.default_rng(_SEED).integers(0, len(which), (_SAMPLES, 2))
     best = _best_sample(samples, start, moved, noise, _THRESHOLD_PX, _OCTAVES)
     member = np.zeros(len(left), bool)
@@ -127,44 +127,44 @@ def _best_sample(samples: IdArray, start: FloatArray, moved: FloatArray, noise: 
     return best
 
 
-def _widened(seen_from: Trajectories, member: BoolArray, quarters: IdArray, left: BoolArray) -> Plane | None:
+def _widened(trajectories: Trajectories, member: BoolArray, quarters: IdArray, left: BoolArray) -> Plane | None:
     """The plane that the members lie on, with all that is `left` and agrees, and its homography in every frame."""
     reach_px = _THRESHOLD_PX
     for _ in range(_WIDENING):
-        fitted = np.stack([_fitted(seen_from, f, member) for f in quarters])
+        fitted = np.stack([_fitted(trajectories, f, member) for f in quarters])
         if np.isnan(fitted).any():
             return None
-        reach_px = max(_reach_px(seen_from, f, H, member) for f, H in zip(quarters, fitted, strict=True))
-        agrees = np.stack([_agreeing(seen_from, f, H, reach_px) for f, H in zip(quarters, fitted, strict=True)])
+        reach_px = max(_reach_px(trajectories, f, H, member) for f, H in zip(quarters, fitted, strict=True))
+        agrees = np.stack([_agreeing(trajectories, f, H, reach_px) for f, H in zip(quarters, fitted, strict=True)])
         member = left & agrees.all(axis=0)
-    ref_H_cur = np.stack([_fitted(seen_from, f, member) for f in range(len(seen_from.shapes))])
-    return Plane(left & _persistent(seen_from, ref_H_cur, reach_px), ref_H_cur)
+    ref_H_cur = np.stack([_fitted(trajectories, f, member) for f in range(len(trajectories.shapes))])
+    return Plane(left & _persistent(trajectories, ref_H_cur, reach_px), ref_H_cur)
 
 
-def _reach_px(seen_from: Trajectories, frame: int, ref_H_cur: Homography, member: BoolArray) -> float:
-    """How far off a feature without noise may be: by the scatter of the members, at most the threshold."""
-    off = apply(ref_H_cur, seen_from.current_px[frame, member]) - seen_from.reference_px[member]
+def _reach_px(trajectories: Trajectories, frame: int, ref_H_cur: Homography, member: BoolArray) -> float:
+    """Largest residual of a feature without noise: by the scatter of the members, at most the threshold."""
+    off = apply(ref_H_cur, trajectories.current_px[frame, member]) - trajectories.reference_px[member]
     scatter_px = float(np.median(np.hypot(*off.T))) if len(off) else 0.0
     return min(max(_SCATTERS * scatter_px, _THRESHOLD_PX * 0.5 ** (_OCTAVES - 1)), _THRESHOLD_PX)
 
 
-def _fitted(seen_from: Trajectories, frame: int, member: BoolArray) -> Homography:
+def _fitted(trajectories: Trajectories, frame: int, member: BoolArray) -> Homography:
     """ref_H_cur of one frame by the members; NaN where they do not determine it."""
-    pairs = seen_from.pairs(frame, member)
-    found = estimators.refine(pairs, "projective", _THRESHOLD_PX, seen_from.shapes[frame], np.ones(len(pairs)))
+    pairs = trajectories.pairs(frame, member)
+    found = estimators.refine(pairs, "projective", _THRESHOLD_PX, trajectories.shapes[frame], np.ones(len(pairs)))
     return np.full((3, 3), np.nan) if found is None else found
 
 
-def _agreeing(seen_from: Trajectories, frame: int, ref_H_cur: Homography, reach_px: float) -> BoolArray:
-    """(N,) bool: which features are seen in the frame where the homography says."""
-    off = apply(ref_H_cur, seen_from.current_px[frame]) - seen_from.reference_px
-    close = np.sum(off**2, axis=1) < reach_px**2 + noises(seen_from.information[frame])
-    return np.asarray(seen_from.seen[frame] & close)
+def _agreeing(trajectories: Trajectories, frame: int, ref_H_cur: Homography, reach_px: float) -> BoolArray:
+    """(N,) bool: which features are seen in the frame where the homography predicts."""
+    off = apply(ref_H_cur, trajectories.current_px[frame]) - trajectories.reference_px
+    close = np.sum(off**2, axis=1) < reach_px**2 + noises(trajectories.information[frame])
+    return np.asarray(trajectories.seen[frame] & close)
 
 
-def _persistent(seen_from: Trajectories, ref_H_cur: FloatArray, reach_px: float) -> BoolArray:
+def _persistent(trajectories: Trajectories, ref_H_cur: FloatArray, reach_px: float) -> BoolArray:
     """(N,) bool: which features are seen in most of the frames and agree with the plane in nearly all of these."""
     known = np.flatnonzero(~np.isnan(ref_H_cur[:, 0, 0]))
-    seen = seen_from.seen[known].sum(axis=0)
-    agreed = np.stack([_agreeing(seen_from, f, ref_H_cur[f], reach_px) for f in known.tolist()]).sum(axis=0)
+    seen = trajectories.seen[known].sum(axis=0)
+    agreed = np.stack([_agreeing(trajectories, f, ref_H_cur[f], reach_px) for f in known.tolist()]).sum(axis=0)
     return np.asarray((seen >= _PRESENT * len(known)) & (agreed >= _AGREES * seen))

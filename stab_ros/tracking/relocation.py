@@ -1,6 +1,6 @@
-"""Where a frame lies that nothing leads to: turned, far off, or seen again after a loss.
+"""Relocalisation: where a frame lies without a prediction, as one that is rotated, far off, or seen after a loss.
 
-The method `sift` on small pictures, and a similarity on which enough of its matches on static ground agree. It is a
+The method `sift` on reduced images, and a similarity on which enough of its matches on static ground agree. It is a
 place to start from: the chosen method measures there, and the gate judges.
 """
 
@@ -15,26 +15,26 @@ from stab_ros.core.types import Correspondences, Gray, Homography
 from stab_ros.methods.sift import Sift, SiftConfig
 from stab_ros.tracking.static_map import StaticMap
 
-_WIDTH_PX = 640  # of the small pictures, at most twice that
+_WIDTH_PX = 640  # of the reduced images, at most twice that
 _SIFT = SiftConfig(features=1500)
-_THRESHOLD_PX = 3.0  # of the small pictures
+_THRESHOLD_PX = 3.0  # of the reduced images
 _LEAST_AGREEING = 10  # by chance, four to six do
 _LEAST_SHARE = 0.1  # of the matches
 
 
 class Relocation:
-    """Looks for frames in one base."""
+    """Finds frames in one anchor frame."""
 
-    def __init__(self, base: Gray) -> None:
-        """base: (h, w) uint8."""
-        self._shrinking = Downscaling.to_width(base, _WIDTH_PX)
-        small = self._shrinking.picture(base)
+    def __init__(self, anchor: Gray) -> None:
+        """anchor: (h, w) uint8."""
+        self._shrinking = Downscaling.to_width(anchor, _WIDTH_PX)
+        small = self._shrinking.picture(anchor)
         self._sift = Sift(small, np.ones(small.shape, bool), _SIFT)
 
     def find(self, current: Gray, ground: StaticMap | None) -> Homography | None:
-        """base_H_cur of a frame, (h, w) uint8, roughly; None where too little of it agrees on one.
+        """anchor_H_cur of a frame, (h, w) uint8, roughly; None where too little of it agrees on one.
 
-        ground: where static ground is in the base; None: not known.
+        ground: where static ground is in the anchor; None: not known.
         """
         pairs = self._sift.match(self._shrinking.picture(current), np.eye(3), np.ones(len(self._sift.reference_px)))
         if ground is not None:

@@ -1,544 +1,307 @@
-"""The engine: one frame in, its homography to the reference and the warped frame out.
+"""The tracker: one frame in, its homography to the reference and the warped frame out.
 
-Live and offline call the same `Stabilizer`: the answer depends on the frames alone, never on a clock.
+Live and offline call the same `Stabilizer`: its answers depend on the frames alone, never on a clock.
 """
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable
 
 import numpy as np
 
 from stab_ros.core.errors import InputError
-from stab_ros.core.geometry import is_plausible, sigma_px
-from stab_ros.core.gray import depth_scale, to_gray
 from stab_ros.core.region import Area
-from stab_ros.core.settings import Checked, setting
 from stab_ros.core.threads import use_threads
 from stab_ros.core.timeline import Timeline
-from stab_ros.core.types import (
-    NO_POINTS,
-    BoolArray,
-    Correspondences,
-    Fit,
-    FloatArray,
-    Frame,
-    Gray,
-    Homography,
-    Image,
-    Stabilized,
-    State,
-    Track,
-)
-from stab_ros.estimation import estimators
-from stab_ros.estimation.models import MODELS
+from stab_ros.core.types import NO_POINTS, Correspondences, Fit, FloatArray, Frame, Image, Stabilized, State, Track
 from stab_ros.imaging.camera import Camera
-from stab_ros.imaging.warp import INTERPOLATION, Allocate, warp
+from stab_ros.imaging.warp import Allocate, warp
 from stab_ros.imaging.window import Window
-from stab_ros.methods import METHODS
-from stab_ros.tracking.ambiguity import Ambiguity, Verdict
-from stab_ros.tracking.anchor import REFERENCE, REFERENCES, Anchor, Placement, make_base, reference_base
+from stab_ros.tracking.frame_stamp import FrameStamp
 from stab_ros.tracking.ground_choice import CompetingHypothesis
-from stab_ros.tracking.keyframes import Keyframes
-from stab_ros.tracking.parallax import Parallax, Relief
-from stab_ros.tracking.points import check_count
-from stab_ros.tracking.reference import Motion, Reference, is_textured
-from stab_ros.tracking.start_buffer import BufferedFrame, GroundState, StartBuffer, StartResult
+from stab_ros.tracking.parallax import Relief
+from stab_ros.tracking.preprocessing import Preprocessing
+from stab_ros.tracking.session import Session
+from stab_ros.tracking.settings import StabilizerConfig
+from stab_ros.tracking.setup import Setup
+from stab_ros.tracking.start_buffer import GroundState
+from stab_ros.tracking.state import Event, TrackerState, next_state
 from stab_ros.tracking.static_map import StaticMap
-
-_OTHER_BASES = 3  # that a lost frame is sought in, besides the one before
-_MAP_EVERY = 50  # frames
-_MAP_CHANGED = 0.03  # of the reference
-
-
-@dataclass(frozen=True)
-class StabilizerConfig(Checked):
-    """What does not belong to one method; `method_config` is the method's own `Config` (None: its defaults)."""
-
-    method: str = setting("direct", "how features are found again", choices=tuple(METHODS))
-    model: str = setting("projective", "transformation model", choices=MODELS)
-    estimator: str = setting("magsac", "how the homography is fitted", choices=tuple(estimators.ESTIMATORS))
-    reference: str = setting("fixed", "what frames are compared with: the first one; a later one whose features are "
-                             "carried to the first; the one before, in a chain; or a keyframe, where the view leaves "
-                             "the first", choices=REFERENCES)
-    max_keyframes: int = setting(16, "with `reference` keyframe: so many are kept, the far ones are forgotten", 3, 1000)
-    update_every: int = setting(1, "with `reference` updated: after so many frames features are found anew", 1, 100000)
-    on_lost: str = setting("drop", "image_stabilized of a lost frame: none, the last homography, or unwarped",
-                           choices=("drop", "hold", "pass"))
-    output_roi: str = setting("", "what image_stabilized shows: 'x, y, width, height' in px of the reference, and "
-                              'beyond it if need be; "": the view of the reference')
-    output_scale: float = setting(1.0, "px of image_stabilized for one of the reference", 0.02, 1.0)
-    interpolation: str = setting("linear", "of image_stabilized", choices=tuple(INTERPOLATION))
-    threshold: float = setting(0.5, "a feature further than this from the fit is an outlier, px", 0.01, 20.0)
-    ransac_threshold: float = setting(3.0, "of the consensus that ed_ransac filters with `threshold`, px", 0.01, 50.0)
-    start_s: float = setting(1.0, "so much header time after the reference its frames are answered late, once it is "
-                             "known what is ground, s; roi, exclude, points or static_map make it 0", 0.0, 60.0)
-    min_inliers: int = setting(12, "with fewer inliers the frame is lost", 1, 10000)
-    min_inlier_share: float = setting(0.1, "with a smaller share of the trusted features in view, or, where a detector "
-                                      "finds what it finds, of the matches, the frame is lost",
-                                      0.0, 1.0)
-    max_sigma: float = setting(1.0, "with a larger uncertainty of the homography the frame is lost, px", 0.001, 100.0)
-    threads: int = setting(0, "how many threads this process computes with, which changes no result; 0: one for each "
-                           "core, at most 4", 0, 64)
-    method_config: object = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _ = self.window
-
-    @property
-    def window(self) -> Window:
-        """What image_stabilized shows."""
-        return Window.of(self.output_roi, self.output_scale)
 
 
 class Stabilizer:
-    """Tracks a stream against its first textured frame.
-
-    area: where static ground may be looked for. camera: removes lens distortion first, if given. points_px: (n, 2)
-    float64, the features to go by, in px of the reference; none: the method chooses them. static_map: where ground
-    is, if that is known.
-
-    Raises:
-        InputError: the method takes no points, or they are too few.
-    """
-
-    _base: Anchor  # from the first reference on, as all that follows
-    _allowed: BoolArray
-    _static_map: StaticMap
-    _ground_known: bool
-    _parallax: Parallax
+    """Registers a stream of frames to its first textured frame."""
 
     def __init__(self, config: StabilizerConfig, area: Area | None = None, camera: Camera | None = None,
                  points_px: FloatArray = NO_POINTS, static_map: StaticMap | None = None) -> None:
-        _check_points(config, points_px)
+        """Prepares for a stream; nothing is computed before its first frame.
+
+        Args:
+            config: the settings.
+            area: where static ground may be looked for, in the reference; None: everywhere.
+            camera: removes lens distortion first; None: the frames have none.
+            points_px: (n, 2) float64, the features to use, in px of the reference; none: the method chooses them.
+            static_map: where static ground is in the reference; None: the start-up finds out.
+
+        Raises:
+            InputError: the method takes no points, or they are too few.
+        """
+        self._setup = Setup(config, area or Area(), points_px, Preprocessing(camera), static_map)
         use_threads(config.threads)
-        self._config, self._area, self._points_px, self._camera = config, area or Area(), points_px, camera
-        self._given_map = static_map
-        self._reference: Reference | None = None
-        self._deferral: StartBuffer | None = None
-        self._doubt: Ambiguity | None = None
-        self._last_match: tuple[Correspondences, Fit | None] | None = None
-        self._keyframes: Keyframes | None = None
-        self._motion = Motion(np.eye(3), 0)
-        self._timeline = Timeline()
-        self._frames, self._references, self._learnt = 0, 0, 0
+        self._state = TrackerState.WAITING
+        self._session: Session | None = None  # of the last reference, which is the present one unless WAITING
+        self._timeline, self._frames = Timeline(), 0
 
     def step(self, frame: Frame) -> Stabilized:
-        """`track` and `warp` in one."""
-        track = self.track(frame)
-        return Stabilized(track, self.warp(frame, track))
-
-    def answers(self, frame: Frame) -> list[Track]:
-        """What this frame makes known, in the order of the stream: nothing at first, then its own track.
-
-        For `start_s` after a reference nothing is answered; then all these frames are, at once. Nothing is deferred
-        where regions, points or a map say where ground is.
+        """`track` and `warp` in one.
 
         Raises:
             InputError: as `track`.
         """
-        self._check_size(frame)
-        deferral = self._deferral
-        if deferral is not None and self._continues(frame):
-            index, gray = self._count(frame), self._gray(frame, deferral.reference.grey_scale)
-            deferral.follow(index, frame.stamp_ns, self._now_ns, gray)
-            return self.finish() if deferral.over else []
-        late, before = self.finish(), self._reference
         track = self.track(frame)
-        if self._reference is not None and self._reference is not before:
-            self._defer(self._reference)
+        return Stabilized(track, self.warp(frame, track))
+
+    def track(self, frame: Frame) -> Track:
+        """Registers a frame to the reference, at once, by what is known of static ground so far.
+
+        The first textured frame becomes the reference, and so does one of another size or encoding.
+
+        Args:
+            frame: the next frame of the stream.
+
+        Returns:
+            Its homography and uncertainty, or the state LOST. For the reference: the identity.
+
+        Raises:
+            InputError: `roi`, `exclude`, points or the map do not fit the reference, or the camera not the frame.
+        """
+        self._setup.preprocessing.check_size(frame)
+        stamp, session = self._stamped(frame), self._session_of(frame)
+        if session is None:
+            return self._begin(stamp, frame)
+        gray = self._setup.preprocessing.gray(frame, session.reference.grey_scale)
+        return self._noted(session.track(stamp, gray))
+
+    def answers(self, frame: Frame) -> list[Track]:
+        """`track` with a start-up: the answers that are known with this frame, in the order of the stream.
+
+        For `start_s` after a reference there are none; then the buffered frames are answered all at once. Nothing is
+        buffered where regions, points or a map say where static ground is.
+
+        Args:
+            frame: the next frame of the stream.
+
+        Returns:
+            The answers to this frame and to buffered ones before it.
+
+        Raises:
+            InputError: as `track`.
+        """
+        self._setup.preprocessing.check_size(frame)
+        session = self._session_of(frame)
+        if session is not None and session.ground.buffer is not None:
+            gray = self._setup.preprocessing.gray(frame, session.reference.grey_scale)
+            session.ground.buffer.follow(self._stamped(frame), gray)
+            return self.finish() if session.ground.buffer.over else []
+        late, before = self.finish(), self._session
+        track = self.track(frame)
+        if self._session is not None and self._session is not before:
+            self._begin_buffering(self._session)
         return [*late, track]
 
-    @property
-    def buffering(self) -> bool:
-        """Whether answers are being deferred: `answers` or `finish` will give them later."""
-        return self._deferral is not None
+    def finish(self) -> list[Track]:
+        """Ends the start-up.
+
+        Returns:
+            The answers to the frames that are still buffered, by what has been seen so far.
+        """
+        if self._session is None or not self.buffering:
+            return []
+        tracks = self._session.finish()
+        self._happens(Event.DECIDED)
+        return self._all_noted(tracks)
+
+    def pause(self, ended: bool) -> list[Track]:
+        """Answers the buffered frames because no frame comes; the start-up goes on with the next frame.
+
+        Args:
+            ended: nothing more is expected. Then this is `finish` if enough was seen; else all that moves otherwise
+                than the ground counts as a competing hypothesis.
+
+        Returns:
+            The answers, marked as provisional where too little was seen.
+        """
+        if self._session is None or not self.buffering:
+            return []
+        tracks = self._session.pause(ended)
+        if not self.buffering:
+            self._happens(Event.DECIDED)
+        return self._all_noted(tracks)
+
+    def warp(self, frame: Frame, track: Track, allocate: Allocate = np.empty) -> Image | None:
+        """Warps a frame to the reference.
+
+        Args:
+            frame: the frame.
+            track: the answer to it.
+            allocate: makes the array of the result from shape and dtype.
+
+        Returns:
+            The stabilised image. While LOST what `on_lost` demands; None: nothing.
+        """
+        H = track.ref_H_cur
+        if H is None and self._setup.config.on_lost == "pass":
+            return frame.image
+        if H is None and self._setup.config.on_lost == "hold" and self._present is not None:
+            H = self._present.motion.last
+        if H is None:
+            return None
+        camera, config = self._setup.preprocessing.camera, self._setup.config
+        return warp(frame.image, H, frame.size, config.interpolation, camera, config.window, allocate)
+
+    def reset_reference(self) -> None:
+        """Makes the next textured frame the reference."""
+        self._happens(Event.RESET)
+
+    def resume(self, reference: Frame, static_map: StaticMap, reset_counter: int) -> None:
+        """Continues with the reference of an earlier run.
+
+        Args:
+            reference: the frame as it came.
+            static_map: where static ground is in it.
+            reset_counter: of the earlier run.
+
+        Raises:
+            InputError: the settings do not fit this reference, or find too few features in it.
+        """
+        self._setup.preprocessing.check_size(reference)
+        static_map.check_size(reference.size)
+        self._timeline.take(reference.stamp_ns)
+        session = self._setup.session(reference, static_map, self._timeline.now_ns, reset_counter)
+        if session is None:
+            raise InputError(f"{self._setup.config.method} finds nothing in the reference of {reference.kind}")
+        self._session = session
+        self._happens(Event.REFERENCE)
+
+    def reconfigure(self, config: StabilizerConfig, area: Area, points_px: FloatArray = NO_POINTS) -> None:
+        """Changes the settings from the next frame on, with the same reference.
+
+        Args:
+            config: the settings.
+            area: where static ground may be looked for, in the reference.
+            points_px: (n, 2) float64, the features to use, in px of the reference; none: the method chooses them.
+
+        Raises:
+            InputError: they do not fit the reference, or leave too few features; nothing has changed then.
+        """
+        setup = self._setup.changed(config, area, points_px)
+        if self._present is not None:
+            self._present.reconfigure(config, setup.anchors(self._present.reference.frame.size))
+        use_threads(config.threads)
+        self._setup = setup
 
     @property
-    def ground(self) -> GroundState:
-        """What is known of the ground in the reference."""
-        if self._deferral is not None:
-            return self._deferral.ground
-        return GroundState.UNDECIDED if self._reference is None else GroundState.DECIDED
+    def state(self) -> TrackerState:
+        """Whether there is a reference, and what became of the last frame."""
+        return self._state
 
     @property
     def frames(self) -> int:
-        """How many frames there have been, answered or not: the index of the next one."""
+        """Number of frames so far, answered or not: the index of the next one."""
         return self._frames
 
-    def finish(self) -> list[Track]:
-        """The answers that are still deferred, by what has been seen so far."""
-        deferral, self._deferral = self._deferral, None
-        return [] if deferral is None else self._judged(deferral, deferral.outcome())
+    @property
+    def buffering(self) -> bool:
+        """Whether frames are buffered: `answers`, `pause` or `finish` will answer them."""
+        return self._session is not None and self._session.ground.buffer is not None
 
-    def pause(self, ended: bool) -> list[Track]:
-        """The answers that are still deferred, as no frame comes.
-
-        The start goes on with the next frame, and what is ground is decided anew. ended: as far as anyone knows nothing
-        more will come, so it is judged as by `finish`, and that is the end of a start that has seen enough; else
-        whatever moves otherwise than the ground counts as a doubt.
-        """
-        deferral = self._deferral
-        if deferral is None or not deferral.waiting:
-            return []
-        if ended and deferral.enough:
-            return self.finish()
-        return self._judged(deferral, deferral.outcome(provisional=not ended))
-
-    def _judged(self, deferral: StartBuffer, outcome: StartResult) -> list[Track]:
-        self._static_map, self._ground_known, self._doubt = outcome.static_map, True, outcome.doubt
-        self._base.believe(self._static_map)
-        self._references += outcome.turned  # what was answered before does not belong to what follows
-        kept, self._reference = self._reference, deferral.reference  # which may have been given up meanwhile
-        tracks = [self._opened(opening, outcome) for opening in outcome.openings]
-        self._reference = kept
-        return [dataclasses.replace(track, provisional=outcome.provisional) for track in tracks]
-
-    def track(self, frame: Frame) -> Track:
-        """Where the frame lies in the reference; the first textured frame, and one of another kind, becomes it.
-
-        Another kind is another size or encoding. The frame is answered at once, by what is known of the ground so far.
-
-        Raises:
-            InputError: `roi`, `exclude`, points or the map do not fit the reference, or the camera does not fit the
-                frame.
-        """
-        self._check_size(frame)
-        index = self._count(frame)
-        if self._reference is None or not self._continues(frame):
-            return self._start(index, frame)
-        gray = self._gray(frame, self._reference.grey_scale)
-        pairs: Correspondences | tuple[()] = ()
-        before = self._base
-        for base, guess in self._attempts(gray):
-            self._base = base
-            pairs, fit = self._align(gray, guess)
-            if fit is not None and self._accepts(fit, base.expected(pairs, fit.ref_H_cur), frame.size):
-                self._close_loop(before, gray, fit)
-                self._learn(pairs, fit)
-                track = self._tracked(index, frame.stamp_ns, self._now_ns, pairs, fit, frame.size)
-                self._move_base(gray, fit)
-                self._reconsider(fit.ref_H_cur)
-                return track
-        self._base, self._motion = before, self._motion.standing()
-        return self._lost(index, frame.stamp_ns, len(pairs))
-
-    def warp(self, frame: Frame, track: Track, allocate: Allocate = np.empty) -> Image | None:
-        """The frame in the reference's place; what `on_lost` says for a lost one (None: nothing).
-
-        allocate: gives room for the result by shape and dtype; an unwarped frame needs none.
-        """
-        H = track.ref_H_cur
-        if H is None and self._config.on_lost == "pass":
-            return frame.image
-        if H is None and self._config.on_lost == "hold" and self._reference is not None:
-            H = self._motion.last
-        if H is None:
-            return None
-        return warp(frame.image, H, frame.size, self._config.interpolation, self._camera, self.window, allocate)
+    @property
+    def ground(self) -> GroundState:
+        """How far it is known what is static ground in the reference."""
+        if self._session is not None and self.buffering:
+            return self._session.ground.state
+        return GroundState.UNDECIDED if self._present is None else GroundState.DECIDED
 
     @property
     def window(self) -> Window:
-        """What `warp` shows of the reference, and how large."""
-        return self._config.window
-
-    def reset_reference(self) -> None:
-        """The next textured frame becomes the reference."""
-        self._reference = None
-
-    def resume(self, reference: Frame, static_map: StaticMap, reset_counter: int) -> None:
-        """Goes on with what `reference`, `static_map` and `reset_counter` were before a restart.
-
-        Raises:
-            InputError: the settings do not fit this reference, or find nothing in it.
-        """
-        self._check_size(reference)
-        static_map.check_size(reference.size)
-        self._timeline.take(reference.stamp_ns)
-        if self._begin(reference, static_map) is None:
-            raise InputError(f"{self._config.method} finds nothing in the reference of {reference.kind}")
-        self._references = reset_counter + 1
-
-    def reconfigure(self, config: StabilizerConfig, area: Area, points_px: FloatArray = NO_POINTS) -> None:
-        """Other settings from the next frame on, against the same reference.
-
-        Raises:
-            InputError: `area` or the points do not fit the reference, or leave too little of it; nothing has changed
-                then.
-        """
-        _check_points(config, points_px)
-        if self._reference is not None:
-            self._rebuild(self._reference, config, self._allowed_by(area, self._reference.frame.size), points_px)
-        use_threads(config.threads)
-        self._config, self._area, self._points_px = config, area, points_px
-
-    def _rebuild(self, reference: Reference, config: StabilizerConfig, allowed: BoolArray,
-                 points_px: FloatArray) -> None:
-        """The base anew, where the settings want that; the reference itself if they fix it."""
-        old = self._config
-        same = ((config.method, config.method_config, config.reference)
-                == (old.method, old.method_config, old.reference)
-                and np.array_equal(allowed, self._allowed) and np.array_equal(points_px, self._points_px))
-        if same:
-            return
-        what = (config.method, config.method_config, allowed, points_px)
-        if config.reference == "fixed" or self._base.gray is reference.gray:
-            base = reference_base(reference.gray, *what)
-        else:
-            base = make_base(self._base.gray, self._base.place, *what)
-        if len(base.features_px) < config.min_inliers:
-            raise InputError(f"{config.method} finds fewer than {config.min_inliers} features in the reference, "
-                             "roi and exclude must leave more texture")
-        first = config.reference == "keyframe" and base.place is not REFERENCE
-        self._take(base, allowed, config, reference_base(reference.gray, *what) if first else base)
-        if not self._ground_known:
-            self._static_map = StaticMap.of_mask(allowed)
-
-    @property
-    def keyframes(self) -> int:
-        """How many keyframes there are, the reference among them; 0 where `reference` is something else."""
-        return 0 if self._keyframes is None else len(self._keyframes)
-
-    @property
-    def relief(self) -> Relief | None:
-        """What shows that the ground is no plane; None: nothing does."""
-        return self._parallax.relief if self._reference else None
-
-    @property
-    def static_map(self) -> StaticMap | None:
-        """Where static ground lies in the reference, as far as it is known."""
-        return self._static_map if self._reference else None
-
-    @property
-    def rival(self) -> CompetingHypothesis | None:
-        """What may be the ground as well as what was taken for it; None: there is no doubt."""
-        return self._doubt.rival if self._reference and self._doubt else None
+        """The part of the reference that `warp` shows, and its scale."""
+        return self._setup.config.window
 
     @property
     def reference(self) -> Frame | None:
-        """The frame all others are brought back to."""
-        return self._reference.frame if self._reference else None
+        """The frame that all others are brought back to; None: there is none yet."""
+        return None if self._present is None else self._present.reference.frame
 
     @property
     def reset_counter(self) -> int:
-        """How often the reference was replaced."""
-        return max(0, self._references - 1)
+        """How often the reference was replaced, or the choice of ground turned."""
+        return 0 if self._session is None else self._session.reset_counter
+
+    @property
+    def keyframes(self) -> int:
+        """Number of keyframes, the reference among them; 0 where `reference` is not `keyframe`."""
+        return 0 if self._session is None else self._session.keyframes
+
+    @property
+    def static_map(self) -> StaticMap | None:
+        """Where static ground lies in the reference, as far as it is known; None: there is no reference."""
+        return None if self._present is None else self._present.ground.static_map
+
+    @property
+    def relief(self) -> Relief | None:
+        """The parallax that shows that the ground is no plane; None: none is seen."""
+        return None if self._present is None else self._present.parallax.relief
+
+    @property
+    def competing_hypothesis(self) -> CompetingHypothesis | None:
+        """Another plane that can be the ground; None: the choice is clear."""
+        return None if self._present is None else self._present.ground.competing_hypothesis
 
     @property
     def last_match(self) -> tuple[Correspondences, Fit | None] | None:
-        """What the last compared frame was judged by: the features found in it, and what was fitted to them."""
-        return self._last_match if self._reference else None
+        """The matches of the last frame, and what was fitted to them; None: there are none."""
+        return None if self._present is None else self._present.last_match
 
-    def _allowed_by(self, area: Area, size: tuple[int, int]) -> BoolArray:
-        """(h, w) bool: where the area leaves features, and the picture without lens distortion shows anything."""
-        allowed = area.allowed(size)
-        return allowed if self._camera is None else allowed & self._camera.visible
+    @property
+    def _present(self) -> Session | None:
+        return None if self._state is TrackerState.WAITING else self._session
 
-    def _count(self, frame: Frame) -> int:
-        """The number of the next frame."""
+    def _session_of(self, frame: Frame) -> Session | None:
+        """The session that the frame belongs to; None: it is to become the reference."""
+        present = self._present
+        return present if present is not None and present.reference.frame.is_like(frame) else None
+
+    def _stamped(self, frame: Frame) -> FrameStamp:
         self._timeline.take(frame.stamp_ns)
         self._frames += 1
-        return self._frames - 1
+        return FrameStamp(self._frames - 1, frame.stamp_ns, self._timeline.now_ns)
 
-    @property
-    def _now_ns(self) -> int:
-        """The time of the last frame, which goes on evenly where stamps jump."""
-        return self._timeline.now_ns
+    def _begin(self, stamp: FrameStamp, frame: Frame) -> Track:
+        """Makes the frame the reference if it has enough features."""
+        counter = 0 if self._session is None else self._session.reset_counter + 1
+        session = self._setup.session(frame, self._setup.static_map, stamp.time_ns, counter)
+        if session is None:
+            return self._noted(self._lost(stamp))
+        self._session = session
+        self._happens(Event.REFERENCE)
+        return session.first(stamp)
 
-    def _continues(self, frame: Frame) -> bool:
-        """Whether the frame can be compared with the reference."""
-        return self._reference is not None and self._reference.frame.is_like(frame)
+    def _lost(self, stamp: FrameStamp) -> Track:
+        if self._present is not None:
+            return self._present.lost(stamp)
+        return Track(State.LOST, stamp.index, stamp.stamp_ns, 0, self.reset_counter)
 
-    def _check_size(self, frame: Frame) -> None:
-        if self._camera is not None and self._camera.size != frame.size:
-            raise InputError(f"camera_info is for {self._camera.size[0]}x{self._camera.size[1]} px, "
-                             f"the images have {frame.size[0]}x{frame.size[1]}")
+    def _begin_buffering(self, session: Session) -> None:
+        """Buffers the frames from here on, if there is anything to find out about the ground."""
+        if self._setup.start_ns and session.buffer(self._setup.start_ns, self._timeline.now_ns):
+            self._happens(Event.BUFFERED)
 
-    def _gray(self, frame: Frame, grey_scale: float) -> Gray:
-        """The frame as the methods see it: gray, without lens distortion."""
-        gray = to_gray(frame, grey_scale)
-        return gray if self._camera is None else self._camera.undistort(gray)
+    def _noted(self, track: Track) -> Track:
+        self._happens(Event.ACCEPTED if track.tracked else Event.REJECTED)
+        return track
 
-    def _start(self, index: int, frame: Frame) -> Track:
-        """Take a copy of the frame as the reference, if there is anything in it to find again."""
-        if self._given_map is not None:
-            self._given_map.check_size(frame.size)
-        found = self._begin(frame, self._given_map)
-        if found is None:
-            return self._lost(index, frame.stamp_ns, 0)
-        self._references += 1
-        return Track(State.TRACKED, index, frame.stamp_ns, frame.stamp_ns, self.reset_counter, found, found,
-                     np.eye(3), np.zeros((8, 8)), 0.0, 0.0)
+    def _all_noted(self, tracks: Iterable[Track]) -> list[Track]:
+        return [self._noted(track) for track in tracks]
 
-    def _begin(self, frame: Frame, known_map: StaticMap | None) -> int | None:
-        """Prepares all that follows from a reference: how many features it has, None and no change if too few."""
-        scale = depth_scale(frame)
-        gray = self._gray(frame, scale)
-        if not is_textured(gray):
-            return None
-        own = dataclasses.replace(frame, image=frame.image.copy())  # the caller may use its buffer again
-        reference, allowed = Reference(own, gray.copy(), scale), self._allowed_by(self._area, frame.size)
-        config = self._config
-        base = reference_base(reference.gray, config.method, config.method_config, allowed, self._points_px)
-        if len(base.features_px) < config.min_inliers:
-            return None
-        self._static_map, self._doubt = known_map or StaticMap.of_mask(allowed), None
-        self._ground_known = known_map is not None
-        self._take(base, allowed, config, base)
-        self._parallax = Parallax(frame.size)
-        self._reference = reference
-        self._motion = Motion(np.eye(3), self._now_ns)
-        return len(base.features_px)
-
-    def _defer(self, reference: Reference) -> None:
-        """From here on frames are answered late, if there is anything to find out about the ground."""
-        config = self._config
-        known = self._given_map or self._area.roi or self._area.exclude or len(self._points_px)
-        if known or not config.start_s:
-            return
-        deferral = StartBuffer(reference, self._allowed, self._now_ns, round(config.start_s * 1e9))
-        self._deferral = deferral if deferral.useful else None
-
-    def _opened(self, opening: BufferedFrame, outcome: StartResult) -> Track:
-        """The late answer to a deferred frame."""
-        fit = self._solve(opening.pairs, opening.guess, opening.trust)
-        self._last_match = opening.pairs, fit
-        if fit is not None and self._accepts(fit, outcome.expected(fit.ref_H_cur), outcome.size):
-            return self._tracked(opening.index, opening.stamp_ns, opening.time_ns, opening.pairs, fit, outcome.size)
-        self._motion = self._motion.standing()
-        return self._lost(opening.index, opening.stamp_ns, len(opening.pairs))
-
-    def _take(self, base: Anchor, allowed: BoolArray, config: StabilizerConfig, first: Anchor) -> None:
-        """first: of the keyframes, so that a loop can be closed; the same as `base` unless that is a later one."""
-        self._base, self._allowed, self._base_age = self._informed(base), allowed, 0
-        self._keyframes = None
-        if config.reference == "keyframe":
-            self._keyframes = Keyframes(self._informed(first), base.size, config.max_keyframes)
-            if first is not base:
-                self._keyframes.add(base)
-                self._keyframes.take(base)
-        self._last_match = None
-
-    def _informed(self, base: Anchor) -> Anchor:
-        """A new base, told what is ground if that is known."""
-        if self._ground_known:
-            base.believe(self._static_map)
-        return base
-
-    def _attempts(self, gray: Gray) -> Iterator[tuple[Anchor, Homography]]:
-        """Where the frame may lie, by which base: going on as before, having stopped, or wherever it has jumped to."""
-        expected, last = self._motion.predict(self._now_ns), self._motion.last
-        base = self._base if self._keyframes is None else self._keyframes.choose(expected)
-        yield base, expected
-        if not is_textured(gray):
-            return
-        yield base, last
-        yield base, base.jumped(gray, last)
-        others = [] if self._keyframes is None else self._keyframes.others(last)[:_OTHER_BASES]
-        for one in (base, *others):
-            found = one.relocated(gray)
-            if found is not None:
-                yield one, found
-
-    def _close_loop(self, before: Anchor, gray: Gray, fit: Fit) -> None:
-        """The base of the frames until now learns its place from a frame that another base has placed."""
-        if self._keyframes is None or before is self._base:
-            return
-        self._keyframes.take(self._base)
-        _, seen = before.align(gray, fit.ref_H_cur, self._solve, chain=False)
-        if seen is not None and self._accepts(seen, 0.0, before.size):
-            both = self._base.place.accumulated(fit, before.size) + seen.covariance  # two comparisons of one frame
-            placed = dataclasses.replace(fit, covariance=both)
-            self._keyframes.correct(before, before.place.to_base(seen.ref_H_cur), placed)
-
-    def _align(self, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
-        """Match and fit from a guess."""
-        self._last_match = self._base.align(gray, guess, self._solve, chain=self._config.reference == "adjacent")
-        return self._last_match
-
-    def _solve(self, pairs: Correspondences, guess: Homography, trust: FloatArray) -> Fit | None:
-        config = self._config
-        return estimators.fit(pairs, config.model, config.estimator, config.threshold, guess, trust,
-                              config.ransac_threshold)
-
-    def _accepts(self, fit: Fit, expected: float, size: tuple[int, int]) -> bool:
-        """The gate: a motion that a camera can make, enough agreement, and a certain result of this comparison."""
-        if not is_plausible(self._base.place.to_base(fit.ref_H_cur), size):
-            return False
-        return (
-            int(fit.inlier.sum()) >= max(self._config.min_inliers, self._config.min_inlier_share * expected)
-            and sigma_px(fit.ref_H_cur, fit.covariance, size) <= self._config.max_sigma
-        )
-
-    def _tracked(self, index: int, stamp_ns: int, time_ns: int, pairs: Correspondences, fit: Fit,
-                 size: tuple[int, int]) -> Track:
-        """The answer of an accepted fit, which the next frames go by."""
-        self._motion = self._motion.then(fit.ref_H_cur, time_ns)
-        covariance = self._base.place.accumulated(fit, size)
-        if self._doubt is not None:
-            covariance = covariance + self._doubt.spread(fit.ref_H_cur, time_ns)
-        return Track(State.TRACKED, index, stamp_ns, self._reference_stamp_ns, self.reset_counter, len(pairs),
-                     int(fit.inlier.sum()), fit.ref_H_cur, covariance, fit.rmse_px,
-                     sigma_px(fit.ref_H_cur, covariance, size))
-
-    def _learn(self, pairs: Correspondences, fit: Fit) -> None:
-        """The base remembers who agreed; now and then the map is made anew, if much of it has changed."""
-        self._base.learn(pairs, fit)
-        self._parallax.add(pairs, fit, self._static_map.at(pairs.reference_px) > 0.5)
-        self._learnt += 1
-        if self._learnt % _MAP_EVERY == 0 and self._base.place is REFERENCE and self._ground_known:
-            fresh = StaticMap.of_features(self._base.features_px, self._base.trust, self._static_map.size)
-            if fresh.differs(self._static_map) > _MAP_CHANGED:
-                self._static_map = fresh
-
-    def _reconsider(self, ref_H_cur: Homography) -> None:
-        """Weighs an ambiguous choice of ground again; if the other plane is it, the next frame is sought by that."""
-        doubt = self._doubt
-        verdict = Verdict.OPEN if doubt is None else doubt.weigh(ref_H_cur, self._now_ns)
-        if doubt is None or verdict is Verdict.OPEN:
-            return
-        self._doubt = None
-        if verdict is Verdict.TURNED:
-            self._static_map = doubt.rival_map
-            self._motion = Motion(doubt.by_rival(ref_H_cur, self._now_ns), self._now_ns)
-            for base in self._keyframes.bases if self._keyframes else [self._base]:
-                base.believe(doubt.rival_map)
-            self._references += 1  # what was answered before does not belong to what follows
-
-    def _move_base(self, gray: Gray, fit: Fit) -> None:
-        """The frame just tracked becomes the base if it is time for that; the old one goes on if it cannot."""
-        self._base_age += 1
-        if not self._wants_base(fit.ref_H_cur):
-            return
-        config, place = self._config, Placement(fit.ref_H_cur, self._base.place.accumulated(fit, self._base.size))
-        base = make_base(gray.copy(), place, config.method, config.method_config, self._allowed, self._points_px)
-        if len(base.features_px) < config.min_inliers:
-            return
-        base.inherit(self._base, self._static_map if self._ground_known else None)
-        if self._keyframes is not None:
-            self._keyframes.add(base)
-        else:
-            self._base, self._base_age = base, 0
-
-    def _wants_base(self, ref_H_cur: Homography) -> bool:
-        if self._keyframes is not None:
-            return self._keyframes.wants_new(ref_H_cur)
-        strategy = self._config.reference
-        return strategy == "adjacent" or (strategy == "updated" and self._base_age >= self._config.update_every)
-
-    def _lost(self, index: int, stamp_ns: int, matches: int) -> Track:
-        return Track(State.LOST, index, stamp_ns, self._reference_stamp_ns, self.reset_counter, matches)
-
-    @property
-    def _reference_stamp_ns(self) -> int:
-        return self._reference.frame.stamp_ns if self._reference else 0
-
-
-def _check_points(config: StabilizerConfig, points_px: FloatArray) -> None:
-    """Raises InputError for points that the settings have no use for."""
-    if len(points_px) and not METHODS[config.method].takes_points:
-        raise InputError(f"points: {config.method} finds its features itself, leave out points_file and manual_points")
-    check_count(points_px, config.model, config.min_inliers)
+    def _happens(self, event: Event) -> None:
+        self._state = next_state(self._state, event)

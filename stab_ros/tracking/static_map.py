@@ -1,4 +1,4 @@
-"""Where static ground lies in the reference, as a picture: known of features, and spread to the pixels nearest them."""
+"""Where static ground lies in the reference, as an image: known of features, and extended to their Voronoi cells."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ class StaticMap:
     size: tuple[int, int]
 
     @staticmethod
-    def of_features(places_px: FloatArray, trust: FloatArray, size: tuple[int, int]) -> StaticMap:
-        """What features at (N, 2) px, trusted (N,) in [0, 1], say of the pixels around them."""
+    def of_features(features_px: FloatArray, trust: FloatArray, size: tuple[int, int]) -> StaticMap:
+        """Each pixel takes the weight, (N,) in [0, 1], of the nearest of the features at (N, 2) px."""
         shape = (-(-size[1] // _STEP_PX), -(-size[0] // _STEP_PX))
         free = np.full(shape, 255, np.uint8)
-        column, row = (np.clip(places_px.T // _STEP_PX, 0, np.array(shape[::-1])[:, None] - 1)).astype(int)
+        column, row = (np.clip(features_px.T // _STEP_PX, 0, np.array(shape[::-1])[:, None] - 1)).astype(int)
         free[row, column] = 0
         _, label = cv2.distanceTransformWithLabels(free, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL)
         level = np.zeros(int(label.max()) + 1, np.uint8)
@@ -41,7 +41,7 @@ class StaticMap:
 
     @staticmethod
     def of_picture(picture: Gray) -> StaticMap:
-        """A map as `picture` gives it, (h, w) uint8."""
+        """A map from an image, (h, w) uint8: 0, not ground, to 255, ground."""
         height, width = picture.shape
         cells = cv2.resize(picture, (-(-width // _STEP_PX), -(-height // _STEP_PX)), interpolation=cv2.INTER_NEAREST)
         return StaticMap(np.asarray(cells), (width, height))

@@ -21,7 +21,7 @@ from stab_ros.imaging.warp import INTERPOLATION
 from stab_ros.io.messages import IMAGE, Header, image_cdr, read_image
 from stab_ros.methods import METHODS
 from stab_ros.parameters.engines import make_evaluator, make_stabilizer, reconfigure
-from stab_ros.tracking.anchor import REFERENCES
+from stab_ros.tracking.settings import REFERENCES
 
 STEP_NS = 40_000_000
 ENCODINGS = ("mono8", "mono16", "bgr8", "rgb8", "bgra8", "rgba8")

@@ -14,7 +14,8 @@ from stab_ros.core.types import FloatArray, Frame, Homography, Image, State, Tra
 from stab_ros.estimation.models import MODELS
 from stab_ros.parameters.engines import make_stabilizer, reconfigure
 from stab_ros.synthetic.flight import Flight, preset
-from stab_ros.tracking.anchor import REFERENCES, Placement
+from stab_ros.tracking.anchor_pose import AnchorPose
+from stab_ros.tracking.settings import REFERENCES
 from stab_ros.tracking.stabilizer import Stabilizer
 
 ACCUMULATING = [name for name in REFERENCES if name != "fixed"]
@@ -215,15 +216,15 @@ def test_a_point_that_leaves_the_picture_is_done_without(reference: str) -> None
 def test_a_mask_lies_where_the_base_sees_it() -> None:
     allowed = np.zeros(SIZE[::-1], np.uint8)
     cv2.rectangle(allowed, (100, 100), (200, 180), 1, -1)
-    place = Placement(projective(), np.eye(8))
-    carried = place.mask_in_base(allowed.astype(bool))
+    place = AnchorPose(projective(), np.eye(8))
+    carried = place.mask_in_anchor(allowed.astype(bool))
     y, x = np.nonzero(carried)
     seen = apply(projective(), np.stack([x, y], axis=1).astype(float))
     assert (seen > [99.4, 99.4]).all()
     assert (seen < [200.6, 180.6]).all()
     assert carried.sum() == pytest.approx(allowed.sum(), rel=0.05)
     everywhere = np.ones(SIZE[::-1], bool)
-    assert place.mask_in_base(everywhere).all()
+    assert place.mask_in_anchor(everywhere).all()
 
 
 def test_points_of_no_use_are_refused_in_the_reference() -> None:

@@ -25,7 +25,7 @@ from stab_ros.core.geometry import apply
 from stab_ros.core.types import Correspondences, Fit, FloatArray, Frame, Gray, Image, State
 from stab_ros.methods import METHODS
 from stab_ros.parameters.engines import make_stabilizer, reconfigure
-from stab_ros.tracking.reference import Motion
+from stab_ros.tracking.motion import CameraMotion
 from stab_ros.tracking.stabilizer import Stabilizer
 
 TOLERANCE_PX = 0.02
@@ -195,7 +195,7 @@ def test_what_moves_against_the_ground_loses_its_say() -> None:
 
 def test_prediction_is_constant_velocity_in_stamps() -> None:
     step = similarity(0.5, 1.0, 2.0, -1.0)
-    motion = Motion(IDENTITY, 0).then(step, 40)
+    motion = CameraMotion(IDENTITY, 0).then(step, 40)
     np.testing.assert_allclose(apply(motion.predict(80), CORNERS), apply(step @ step, CORNERS), atol=0.05)
     half = apply(motion.predict(60), CORNERS) - apply(step, CORNERS)
     np.testing.assert_allclose(2 * half, apply(motion.predict(80), CORNERS) - apply(step, CORNERS), atol=0.02)
@@ -204,15 +204,15 @@ def test_prediction_is_constant_velocity_in_stamps() -> None:
 
 @pytest.mark.parametrize("stamp_ns", [40, 39, 0, -(10**9), 40 + 121, 10**18])
 def test_stamps_that_tell_no_velocity_predict_the_last_place(stamp_ns: int) -> None:
-    motion = Motion(IDENTITY, 0).then(MOVED, 40)
+    motion = CameraMotion(IDENTITY, 0).then(MOVED, 40)
     np.testing.assert_array_equal(motion.predict(stamp_ns), MOVED)
 
 
 def test_prediction_after_duplicate_or_backward_stamps_or_a_loss() -> None:
     for before_ns in (40, 50):
-        np.testing.assert_array_equal(Motion(IDENTITY, before_ns).then(MOVED, 40).predict(60), MOVED)
-    np.testing.assert_array_equal(Motion(IDENTITY, 0).then(MOVED, 40).standing().predict(80), MOVED)
-    np.testing.assert_array_equal(Motion(MOVED, 0).predict(40), MOVED)
+        np.testing.assert_array_equal(CameraMotion(IDENTITY, before_ns).then(MOVED, 40).predict(60), MOVED)
+    np.testing.assert_array_equal(CameraMotion(IDENTITY, 0).then(MOVED, 40).standing().predict(80), MOVED)
+    np.testing.assert_array_equal(CameraMotion(MOVED, 0).predict(40), MOVED)
 
 
 CORNERS = np.array([[0, 0], [399, 0], [0, 299], [399, 299.0]])

@@ -49,7 +49,7 @@ def test_a_camera_that_goes_with_the_water_is_told_of() -> None:
     doubts = []
 
     def seen(number: int, image: np.ndarray) -> np.ndarray:
-        doubts.append(stabilizer.rival)
+        doubts.append(stabilizer.competing_hypothesis)
         return image
 
     flown = fly(stabilizer, flight, seen)
@@ -71,7 +71,7 @@ def test_blur_is_no_rival() -> None:
     stabilizer = make_stabilizer({})
     flown = fly(stabilizer, Flight(preset("alpine"), (960, 540), 9, seed=7),
                 lambda number, image: np.asarray(cv2.blur(image, (9, 1)), np.uint8) if number else image)
-    assert stabilizer.rival is None
+    assert stabilizer.competing_hypothesis is None
     assert np.nanmax(flown.sigma_px) < 0.2
     assert np.nanmax(flown.error_px) < 0.2
 

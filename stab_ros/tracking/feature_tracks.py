@@ -1,8 +1,7 @@
-"""Where features of the reference go in the frames that follow, each on its own: bank, water and leaves alike.
+"""Tracks features of the reference through the frames of the start-up, each by itself: bank, water and leaves alike.
 
-Every feature is found from frame to frame by optical flow and then against its own template in the reference, so that
-nothing adds up and what keeps its template is known. No plane is assumed: which features move together is for
-`planes` to say, once there is enough to tell.
+Optical flow predicts a feature from frame to frame, then its template from the reference is aligned: no error adds up,
+and it is known which features keep their texture. No plane is assumed; `planes` finds out which features move together.
 """
 
 from __future__ import annotations
@@ -21,10 +20,10 @@ from stab_ros.methods.direct import DirectConfig
 from stab_ros.methods.patches import cut_patches, measure_patches
 from stab_ros.tracking.phase_correlation import PhaseCorrelation
 
-_PATCHES = DirectConfig()  # as many, as large and as clear as the method `direct` has them
+_PATCHES = DirectConfig()  # as of the method `direct`
 _FLOW_BLOCK_PX = 15
-_FLOW_WIDTH_PX = 1600  # or up to twice that: the flow only has to come near, the templates are measured in full size
-_COARSEST_PX = 80  # the shorter side of the smallest picture that the flow is found in
+_FLOW_WIDTH_PX = 1600  # or up to twice that: the flow only predicts, the templates are aligned at full size
+_COARSEST_PX = 80  # the shorter side of the coarsest pyramid level of the flow
 _PASSES = 3  # against the template
 _CLOSE_PX = 0.02
 _FAR_PX = 3.0  # more than the flow is ever off
@@ -48,14 +47,14 @@ class Trajectories:
     shapes: FloatArray
 
     def pairs(self, frame: int, which: BoolArray | None = None) -> Correspondences:
-        """What one frame shows of all features, or of `which`, (N,) bool."""
+        """Matches of one frame with the reference, of all features or of `which`, (N,) bool."""
         found = np.flatnonzero(self.seen[frame] if which is None else self.seen[frame] & which)
         return Correspondences(found, self.reference_px[found], self.current_px[frame, found],
                                self.information[frame, found])
 
 
-class Survey:
-    """Follows the features of a reference."""
+class FeatureTracks:
+    """Tracks the features of one reference."""
 
     def __init__(self, reference: Gray, allowed: BoolArray) -> None:
         """reference: (h, w) uint8. allowed: (h, w) bool, where features may lie."""
@@ -80,7 +79,7 @@ class Survey:
         self._shapes.append(self._ref_H_cur)
 
     def trajectories(self) -> Trajectories:
-        """Everything so far."""
+        """The trajectories so far."""
         n = len(self.reference_px)
         current, information, seen = zip(*self._rows, strict=True) if self._rows else ((), (), ())
         return Trajectories(self.reference_px, np.array(current).reshape(-1, n, 2),
@@ -88,14 +87,14 @@ class Survey:
                             np.array(self._shapes).reshape(-1, 3, 3))
 
     def _as_bright(self, small: Gray) -> Gray:
-        """The last picture with mean and contrast of the next: the flow takes brightness for motion."""
+        """The previous image with mean and contrast of the next: the flow assumes constant brightness."""
         (mean, spread), (wanted, wide) = (cv2.meanStdDev(picture) for picture in (self._last, small))
         gain = float(wide[0, 0]) / max(float(spread[0, 0]), 1.0)
         levels = (np.arange(256) - float(mean[0, 0])) * gain + float(wanted[0, 0])
         return np.asarray(cv2.LUT(self._last, np.clip(np.round(levels), 0, 255).astype(np.uint8)))
 
     def _try(self, gray: Gray, small: Gray, start_px: FloatArray) -> bool:
-        """One attempt from where the features may be; kept if enough of them are there."""
+        """One attempt from predicted positions; kept if enough features are found there."""
         scale = self._shrinking.scale
         moved, found = _flowed(self._as_bright(small), small, apply(scale, self._at_px), apply(scale, start_px))
         at_px = apply(np.linalg.inv(scale), moved)
@@ -113,14 +112,14 @@ class Survey:
         return True
 
     def _shape(self, at_px: FloatArray, found: BoolArray) -> Homography | None:
-        """ref_H_cur, roughly, of most of what was found: all planes are turned and stretched alike."""
+        """ref_H_cur, roughly, of most features: rotation and scale are common to all planes."""
         which = np.flatnonzero(found)
         pairs = Correspondences(which, self.reference_px[which], at_px[which], np.tile(np.eye(2), (len(which), 1, 1)))
         return estimators.refine(pairs, "projective", _SHAPE_PX, self._ref_H_cur, np.ones(len(which)))
 
     def _against_templates(self, gray: Gray, ref_H_cur: Homography, at_px: FloatArray,
                            found: BoolArray) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Places (N, 2) and information (N, 2, 2) by the templates, and which features still look like theirs."""
+        """Positions (N, 2) and information (N, 2, 2) by the templates, and which features still match theirs."""
         cur_H_ref = np.linalg.inv(ref_H_cur)
         cur_J_ref = point_jacobian(cur_H_ref, self.reference_px)
         start_px, at_px, chosen = at_px, at_px.copy(), np.flatnonzero(found)
@@ -136,13 +135,13 @@ class Survey:
         return at_px, information, seen
 
     def _jumped(self, small: Gray) -> FloatArray:
-        """Where the features would be if the whole picture had jumped since the last frame."""
+        """Positions of the features if the whole image has shifted since the last frame."""
         last_H_cur = self._shrinking.whole(PhaseCorrelation(self._last).corrected(small, np.eye(3)))
         return apply(np.linalg.inv(last_H_cur), self._at_px)
 
 
 def _flowed(first: Gray, second: Gray, from_px: FloatArray, start_px: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Where points of the first picture are in the second, (N, 2), and which of them were found."""
+    """Points of the first image in the second, (N, 2), by optical flow, and which of them were found."""
     levels = max(0, int(np.log2(min(first.shape) / _COARSEST_PX)))
     criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 15, 0.03)
     moved, status, _ = cv2.calcOpticalFlowPyrLK(

@@ -1,0 +1,80 @@
+"""What is known of the static ground in one reference: the start-up, the map, and an ambiguity that is left."""
+
+from __future__ import annotations
+
+from stab_ros.core.types import BoolArray, FloatArray, Homography
+from stab_ros.tracking.ambiguity import Ambiguity, Verdict
+from stab_ros.tracking.anchor import Anchor
+from stab_ros.tracking.anchor_pose import AT_REFERENCE
+from stab_ros.tracking.ground_choice import CompetingHypothesis
+from stab_ros.tracking.start_buffer import GroundState, StartBuffer, StartResult
+from stab_ros.tracking.static_map import StaticMap
+
+_MAP_EVERY = 50  # frames
+_MAP_CHANGED = 0.03  # of the reference
+
+
+class Ground:
+    """Static ground, as far as it is known. buffer: follows the frames of the start-up; None outside of it."""
+
+    def __init__(self, allowed: BoolArray, static_map: StaticMap | None) -> None:
+        """allowed: (h, w) bool, where ground can be. static_map: where it is, if that is known."""
+        self.static_map = static_map or StaticMap.of_mask(allowed)
+        self._known = static_map is not None
+        self._ambiguity: Ambiguity | None = None
+        self._frames = 0  # registered ones
+        self.buffer: StartBuffer | None = None
+
+    @property
+    def state(self) -> GroundState:
+        """Undecided or provisional within the start-up, decided after it."""
+        return GroundState.DECIDED if self.buffer is None else self.buffer.ground
+
+    @property
+    def prior(self) -> StaticMap | None:
+        """The map, if it is more than what the settings allow."""
+        return self.static_map if self._known else None
+
+    @property
+    def competing_hypothesis(self) -> CompetingHypothesis | None:
+        """Another plane that can be the ground; None: the choice is clear."""
+        return None if self._ambiguity is None else self._ambiguity.other
+
+    def decide(self, result: StartResult) -> None:
+        """Takes what the start-up has found."""
+        self.static_map, self._known, self._ambiguity = result.static_map, True, result.ambiguity
+
+    def restrict(self, allowed: BoolArray) -> None:
+        """Other settings allow ground elsewhere, (h, w) bool; a map that was found stays."""
+        if not self._known:
+            self.static_map = StaticMap.of_mask(allowed)
+
+    def contains(self, reference_px: FloatArray) -> BoolArray:
+        """(N,) bool: which of (N, 2) points lie on ground."""
+        return self.static_map.at(reference_px) > 0.5
+
+    def covariance(self, covariance: FloatArray, ref_H_cur: Homography, time_ns: int) -> FloatArray:
+        """Covariance (8, 8) of a homography, inflated to span both hypotheses while the choice is ambiguous."""
+        if self._ambiguity is None:
+            return covariance
+        return covariance + self._ambiguity.spread(ref_H_cur, time_ns)
+
+    def update(self, anchor: Anchor) -> None:
+        """After each registered frame; now and then the map is made anew from the weights, if much has changed."""
+        self._frames += 1
+        if self._frames % _MAP_EVERY == 0 and anchor.pose is AT_REFERENCE and self._known:
+            fresh = StaticMap.of_features(anchor.features_px, anchor.trust, self.static_map.size)
+            if fresh.differs(self.static_map) > _MAP_CHANGED:
+                self.static_map = fresh
+
+    def turned(self, ref_H_cur: Homography, time_ns: int) -> Homography | None:
+        """Weighs an ambiguity again; ref_H_cur by the other plane if that turns out to be the ground, else None."""
+        ambiguity = self._ambiguity
+        verdict = Verdict.OPEN if ambiguity is None else ambiguity.weigh(ref_H_cur, time_ns)
+        if ambiguity is None or verdict is Verdict.OPEN:
+            return None
+        self._ambiguity = None
+        if verdict is Verdict.SETTLED:
+            return None
+        self.static_map = ambiguity.other_map
+        return ambiguity.by_other(ref_H_cur, time_ns)

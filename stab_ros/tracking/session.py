@@ -1,0 +1,218 @@
+"""One reference and all that belongs to it, from its first frame to its last."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+
+from stab_ros.core.errors import InputError
+from stab_ros.core.geometry import sigma_px
+from stab_ros.core.types import Correspondences, Fit, Gray, Homography, State, Track
+from stab_ros.tracking.anchor import Anchor, AnchorFactory
+from stab_ros.tracking.anchor_pose import AT_REFERENCE, AnchorPose
+from stab_ros.tracking.frame_stamp import FrameStamp
+from stab_ros.tracking.ground import Ground
+from stab_ros.tracking.keyframes import Keyframes
+from stab_ros.tracking.motion import CameraMotion
+from stab_ros.tracking.parallax import Parallax
+from stab_ros.tracking.reference import Reference, is_textured
+from stab_ros.tracking.registration import Registration
+from stab_ros.tracking.settings import StabilizerConfig
+from stab_ros.tracking.start_buffer import BufferedFrame, StartBuffer, StartResult
+from stab_ros.tracking.static_map import StaticMap
+from stab_ros.tracking.strategies import Adjacent, Fixed, Strategy, Updated
+
+_SINGLE = {"fixed": Fixed, "updated": Updated, "adjacent": Adjacent}  # the strategies that keep one anchor
+
+
+class Session:
+    """Registers frames to one reference.
+
+    reset_counter: how often a reference was replaced before, or the choice of ground turned. last_match: the matches
+    of the last frame, and what was fitted to them.
+    """
+
+    def __init__(self, reference: Reference, anchor: Anchor, factory: AnchorFactory, config: StabilizerConfig,
+                 static_map: StaticMap | None, time_ns: int, reset_counter: int) -> None:
+        """anchor: of the reference, made by `factory`. static_map: where ground is, if known. time_ns: of the frame."""
+        self.reference, self.reset_counter = reference, reset_counter
+        self.ground = Ground(factory.allowed, static_map)
+        self.motion = CameraMotion(np.eye(3), time_ns)
+        self.parallax = Parallax(reference.frame.size)
+        self.last_match: tuple[Correspondences, Fit | None] | None = None
+        self._factory, self._registration = factory, Registration(config)
+        self._strategy = self._strategy_of(anchor, config, factory)
+
+    @property
+    def keyframes(self) -> int:
+        """Number of keyframes, the reference among them; 0 with another strategy."""
+        return len(self._strategy) if isinstance(self._strategy, Keyframes) else 0
+
+    def track(self, stamp: FrameStamp, gray: Gray) -> Track:
+        """The answer to a frame, (h, w) uint8: the first candidate whose registration is accepted, else LOST."""
+        matches = 0
+        for anchor, guess in self._candidates(gray, stamp.time_ns):
+            pairs, fit = self._register(anchor, gray, guess)
+            if fit is not None and self._accepts(fit, anchor.pose, anchor.expected(pairs, fit.ref_H_cur)):
+                return self._accepted(stamp, anchor, gray, pairs, fit)
+            matches = len(pairs)
+        self.motion = self.motion.standing()
+        return self.lost(stamp, matches)
+
+    def first(self, stamp: FrameStamp) -> Track:
+        """The answer to the reference itself: the identity, exactly."""
+        n = len(self._strategy.anchor.features_px)
+        return Track(State.TRACKED, stamp.index, stamp.stamp_ns, stamp.stamp_ns, self.reset_counter, n, n, np.eye(3),
+                     np.zeros((8, 8)), 0.0, 0.0)
+
+    def lost(self, stamp: FrameStamp, matches: int = 0) -> Track:
+        """The answer to a frame that could not be registered."""
+        reference_ns = self.reference.frame.stamp_ns
+        return Track(State.LOST, stamp.index, stamp.stamp_ns, reference_ns, self.reset_counter, matches)
+
+    def buffer(self, duration_ns: int, time_ns: int) -> bool:
+        """Buffers the frames from here on, until it is known what is ground; whether there is anything to find out."""
+        start = StartBuffer(self.reference, self._factory.allowed, time_ns, duration_ns)
+        self.ground.buffer = start if start.useful else None
+        return start.useful
+
+    def finish(self) -> list[Track]:
+        """Ends the start-up: the answers to the buffered frames, by what has been seen so far."""
+        buffer, self.ground.buffer = self.ground.buffer, None
+        return [] if buffer is None else self._answers(buffer.result())
+
+    def pause(self, ended: bool) -> list[Track]:
+        """The answers to the buffered frames, as no frame comes; the start-up goes on if a frame does come.
+
+        ended: nothing more is expected. Then a start-up that has seen enough is finished.
+        """
+        buffer = self.ground.buffer
+        if buffer is None or not buffer.waiting:
+            return []
+        return self.finish() if ended and buffer.enough else self._answers(buffer.result(provisional=not ended))
+
+    def reconfigure(self, config: StabilizerConfig, factory: AnchorFactory) -> None:
+        """Takes other settings; anchors are made anew where that is needed.
+
+        Raises:
+            InputError: they leave too few features, or do not fit the reference; nothing has changed then.
+        """
+        if config.reference != self._registration.config.reference or not factory.makes_as(self._factory):
+            self._strategy = self._rebuilt(config, factory)
+            self.last_match = None
+            self.ground.restrict(factory.allowed)
+        self._factory, self._registration = factory, Registration(config)
+
+    def _rebuilt(self, config: StabilizerConfig, factory: AnchorFactory) -> Strategy:
+        """The strategy anew, from the present anchor; from the reference if it is that, or is to be."""
+        old, gray = self._strategy.anchor, self.reference.gray
+        fixed = config.reference == "fixed" or old.gray is gray
+        anchor = factory.reference(gray) if fixed else factory.at(old.gray, old.pose)
+        if len(anchor.features_px) < config.min_inliers:
+            raise InputError(f"{config.method} finds fewer than {config.min_inliers} features in the reference, "
+                             "roi and exclude must leave more texture")
+        return self._strategy_of(anchor, config, factory)
+
+    def _strategy_of(self, anchor: Anchor, config: StabilizerConfig, factory: AnchorFactory) -> Strategy:
+        """The strategy that `reference` names, from `anchor` on."""
+        single = _SINGLE.get(config.reference)
+        if single is not None:
+            return single(self._weighted(anchor))
+        if anchor.pose is AT_REFERENCE:
+            return Keyframes(self._weighted(anchor), config.max_keyframes)
+        keyframes = Keyframes(self._weighted(factory.reference(self.reference.gray)), config.max_keyframes)
+        keyframes.resume(self._weighted(anchor))
+        return keyframes
+
+    def _weighted(self, anchor: Anchor) -> Anchor:
+        if self.ground.prior is not None:
+            anchor.set_prior_weights(self.ground.prior)
+        return anchor
+
+    def _candidates(self, gray: Gray, time_ns: int) -> Iterator[tuple[Anchor, Homography]]:
+        """Anchors and initial ref_H_cur: at constant velocity, standing, shifted, and wherever SIFT features lie."""
+        expected, last = self.motion.predict(time_ns), self.motion.last
+        anchor = self._strategy.choose(expected)
+        yield anchor, expected
+        if not is_textured(gray):
+            return
+        yield anchor, last
+        yield anchor, anchor.shifted(gray, last)
+        for one in (anchor, *self._strategy.others(last)):
+            found = one.relocated(gray)
+            if found is not None:
+                yield one, found
+
+    def _register(self, anchor: Anchor, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
+        self.last_match = anchor.register(gray, guess, self._registration.solve, self._strategy.chains)
+        return self.last_match
+
+    def _accepts(self, fit: Fit, pose: AnchorPose, expected: float) -> bool:
+        return self._registration.accepts(fit, pose, expected, self.reference.frame.size)
+
+    def _accepted(self, stamp: FrameStamp, anchor: Anchor, gray: Gray, pairs: Correspondences, fit: Fit) -> Track:
+        """The answer to a registered frame, after which anchors, weights and ground are brought up to date."""
+        self._strategy.registered(anchor, fit, lambda other: self._checked_by(other, anchor, gray, fit))
+        anchor.update_weights(pairs, fit)
+        self.parallax.add(pairs, fit, self.ground.contains(pairs.reference_px))
+        self.ground.update(anchor)
+        track = self._tracked(stamp, pairs, fit)
+        self._extend(gray, fit)
+        self._reconsider(fit.ref_H_cur, stamp.time_ns)
+        return track
+
+    def _checked_by(self, other: Anchor, anchor: Anchor, gray: Gray, fit: Fit) -> Fit | None:
+        """The same frame registered to another anchor, too; None if that is rejected."""
+        _, seen = other.register(gray, fit.ref_H_cur, self._registration.solve, chain=False)
+        return seen if seen is not None and self._accepts(seen, anchor.pose, 0.0) else None
+
+    def _tracked(self, stamp: FrameStamp, pairs: Correspondences, fit: Fit) -> Track:
+        """The answer of an accepted fit, from which the next frame is predicted."""
+        self.motion = self.motion.then(fit.ref_H_cur, stamp.time_ns)
+        size = self.reference.frame.size
+        covariance = self.ground.covariance(self._strategy.anchor.pose.accumulated(fit, size), fit.ref_H_cur,
+                                            stamp.time_ns)
+        return Track(State.TRACKED, stamp.index, stamp.stamp_ns, self.reference.frame.stamp_ns, self.reset_counter,
+                     len(pairs), int(fit.inlier.sum()), fit.ref_H_cur, covariance, fit.rmse_px,
+                     sigma_px(fit.ref_H_cur, covariance, size))
+
+    def _extend(self, gray: Gray, fit: Fit) -> None:
+        """Makes the frame just registered an anchor if the strategy wants that and it has enough features."""
+        config, old = self._registration.config, self._strategy.anchor
+        if not self._strategy.wants_anchor(fit.ref_H_cur, config):
+            return
+        pose = AnchorPose(fit.ref_H_cur, old.pose.accumulated(fit, old.size))
+        anchor = self._factory.at(gray.copy(), pose)
+        if len(anchor.features_px) >= config.min_inliers:
+            anchor.inherit_weights(old, self.ground.prior)
+            self._strategy.add(anchor)
+
+    def _reconsider(self, ref_H_cur: Homography, time_ns: int) -> None:
+        """If the other plane turns out to be the ground, the next frames are registered to that."""
+        by_other = self.ground.turned(ref_H_cur, time_ns)
+        if by_other is not None:
+            self.motion = CameraMotion(by_other, time_ns)
+            self._set_prior_weights()
+            self.reset_counter += 1  # what was answered before does not belong to what follows
+
+    def _set_prior_weights(self) -> None:
+        for anchor in self._strategy.anchors:
+            anchor.set_prior_weights(self.ground.static_map)
+
+    def _answers(self, result: StartResult) -> list[Track]:
+        """The answers to buffered frames, by what the start-up takes for ground."""
+        self.ground.decide(result)
+        self._set_prior_weights()
+        self.reset_counter += result.turned  # what was answered before does not belong to what follows
+        tracks = [self._answer(frame, result) for frame in result.frames]
+        return [dataclasses.replace(track, provisional=result.provisional) for track in tracks]
+
+    def _answer(self, frame: BufferedFrame, result: StartResult) -> Track:
+        fit = self._registration.solve(frame.pairs, frame.guess, frame.trust)
+        self.last_match = frame.pairs, fit
+        if fit is not None and self._accepts(fit, self._strategy.anchor.pose, result.expected(fit.ref_H_cur)):
+            return self._tracked(frame.stamp, frame.pairs, fit)
+        self.motion = self.motion.standing()
+        return self.lost(frame.stamp, len(frame.pairs))

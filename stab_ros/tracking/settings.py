@@ -1,0 +1,63 @@
+"""The settings of the tracker that belong to no single method."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from stab_ros.core.settings import Checked, setting
+from stab_ros.estimation.estimators import ESTIMATORS
+from stab_ros.estimation.models import MODELS
+from stab_ros.imaging.warp import INTERPOLATION
+from stab_ros.imaging.window import Window
+from stab_ros.methods import METHODS
+
+REFERENCES = ("fixed", "updated", "adjacent", "keyframe")
+
+
+@dataclass(frozen=True)
+class StabilizerConfig(Checked):
+    """Parameters of the tracker. `method_config` is the `Config` of the method; None: its defaults."""
+
+    method: str = setting("direct", "Method that finds the features of the reference again", choices=tuple(METHODS))
+    model: str = setting("projective", "Transformation model of the homography", choices=MODELS)
+    estimator: str = setting("magsac", "Estimator that fits the homography", choices=tuple(ESTIMATORS))
+    reference: str = setting("fixed", "Frame that others are registered to: the first one (fixed); a later one whose "
+                             "features are carried to the first (updated); the previous one, in a chain (adjacent); or "
+                             "a keyframe where the view leaves the first (keyframe)", choices=REFERENCES)
+    max_keyframes: int = setting(16, "Number of keyframes kept with reference keyframe; beyond it the farthest is "
+                                 "dropped", 3, 1000)
+    update_every: int = setting(1, "Number of tracked frames after which reference updated detects features again", 1,
+                                100000)
+    on_lost: str = setting("drop", "Content of image_stabilized while lost: nothing (drop), the frame warped by the "
+                           "last homography (hold), or the frame as it came (pass)", choices=("drop", "hold", "pass"))
+    output_roi: str = setting("", "Region shown by image_stabilized, as 'x, y, width, height' in reference px; may "
+                              'exceed the reference; "": the view of the reference')
+    output_scale: float = setting(1.0, "Scale of image_stabilized relative to the reference", 0.02, 1.0)
+    interpolation: str = setting("linear", "Interpolation used when warping the stabilized image",
+                                 choices=tuple(INTERPOLATION))
+    threshold: float = setting(0.5, "Largest residual of an inlier of the final fit, px", 0.01, 20.0)
+    ransac_threshold: float = setting(3.0, "Largest residual within the consensus that ed_ransac then filters by "
+                                      "threshold, px", 0.01, 50.0)
+    start_s: float = setting(1.0, "Length of the start-up, in which frames are buffered until static ground is known, "
+                             "s of header time; 0 where roi, exclude, points or static_map are given", 0.0, 60.0)
+    min_inliers: int = setting(12, "Smallest number of inliers of a tracked frame", 1, 10000)
+    min_inlier_share: float = setting(0.1, "Smallest share of inliers of a tracked frame: of the trusted features in "
+                                      "view, or of the matches where the method uses a detector", 0.0, 1.0)
+    max_sigma: float = setting(1.0, "Largest one-sigma uncertainty of the homography of a tracked frame, px", 0.001,
+                               100.0)
+    threads: int = setting(0, "Number of threads of this process; does not change results; 0: one per core, at most 4",
+                           0, 64)
+    method_config: object = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _ = self.window
+
+    @property
+    def window(self) -> Window:
+        """The part of the reference that `image_stabilized` shows.
+
+        Raises:
+            ConfigError: `output_roi` is no region, or too large.
+        """
+        return Window.of(self.output_roi, self.output_scale)
