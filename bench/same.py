@@ -1,7 +1,8 @@
 """Whether two checkouts give the same results, byte for byte: `python bench/same.py BEFORE AFTER WORK`.
 
 Eight flights through the command and four through the live nodes, each with another method or reference strategy.
-Offline the table of homographies, the bag and the evaluation's JSON and CSV are compared, live each homography.
+Offline the table of homographies, the messages of the bag and the evaluation's JSON and CSV are compared, live each
+homography.
 WORK keeps what was computed: a checkout whose results are there already is not run again.
 """
 
@@ -83,13 +84,14 @@ def _results(checkout: Path, work: Path, side: str) -> dict[str, str]:
         bag = out / f"{flight.name}.mcap"
         if not bag.exists():
             _stabilize(checkout, replace(flight, recording=str(_input(flight, work))), bag)
-        found |= {path.name: _hash(path.read_bytes().replace(str(out).encode(), b""))
-                  for path in sorted(out.glob(f"{flight.name}.*"))}
+        tables = [path for path in sorted(out.glob(f"{flight.name}.*")) if path != bag]
+        found |= {path.name: _hash(path.read_bytes().replace(str(out).encode(), b"")) for path in tables}
+        found[bag.name] = _hash(_messages(bag, with_times=True))
     for flight in LIVE:
         bag = out / f"{flight.name}.mcap"
         if not bag.exists():
             _fly_live(checkout, flight, bag)
-        found[bag.name] = _hash(_homographies(bag))
+        found[bag.name] = _hash(_messages(bag, with_times=False))
     return found
 
 
@@ -168,10 +170,14 @@ def _cpu_ticks(pid: int) -> int:
     return int(fields[11]) + int(fields[12])
 
 
-def _homographies(bag: Path) -> bytes:
-    """The messages one after the other; when they were recorded is no result."""
+def _messages(bag: Path, with_times: bool) -> bytes:
+    """All messages of a bag; not its chunks, which a clock closes. with_times: and when they were logged."""
+    found = bytearray()
     with open_bag(bag) as reader:
-        return b"".join(bytes(message.data) for message in reader.messages())
+        for message in reader.messages():
+            head = f"{message.topic} {message.log_time_ns}" if with_times else message.topic
+            found += head.encode() + hashlib.sha256(message.data).digest()
+    return bytes(found)
 
 
 def _hash(data: bytes) -> str:

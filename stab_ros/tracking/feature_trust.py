@@ -33,7 +33,7 @@ class FeatureTrust:
         self._frames = max(self._frames, round(1 / _REGAINING))
 
     def update(self, pairs: Correspondences, fit: Fit, in_view: BoolArray) -> None:
-        """Moves the weights of features in view, (features,) bool, towards 1 for inliers of the fit, 0 for the others."""
+        """Moves the weights of features in view, (features,) bool, towards 1 for inliers of the fit, else 0."""
         self._frames += 1
         agreed = np.zeros(len(self._trust))
         agreed[pairs.feature_id[fit.inlier]] = 1.0
