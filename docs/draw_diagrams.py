@@ -1,7 +1,7 @@
 """Draws the mermaid diagrams of all pages into docs/diagrams/, for the docs site: python docs/draw_diagrams.py.
 
-Needed only when a diagram has changed: building the site uses the drawings. Takes mermaid from npm and draws with a headless
-Chromium; the environment variable CHROMIUM names another command.
+Needed only when a diagram has changed: building the site uses the drawings. Takes mermaid from npm and draws with a
+headless Chromium; the environment variable CHROMIUM names another command.
 """
 
 from __future__ import annotations

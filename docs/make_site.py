@@ -2,7 +2,7 @@
 
 MkDocs reads one folder; our pages are in the root, docs/ and bench/. This script copies them to build/pages with their
 paths, so their relative links stay valid, and MkDocs checks every link and anchor. Formulae and diagrams would need
-scripts from a CDN. The script therefore replaces formulae with MathML, and diagrams with the SVG files in docs/diagrams/.
+scripts from a CDN. Formulae therefore become MathML, and diagrams the SVG files of docs/diagrams/.
 """
 
 from __future__ import annotations
