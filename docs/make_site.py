@@ -20,11 +20,11 @@ ROOT = Path(__file__).parents[1]
 PAGES = ROOT / "build/pages"
 SITE = ROOT / "site"
 DIAGRAMS = ROOT / "docs/diagrams"
-_COLLECTED = ("*.md", "LICENSE", "package.xml", "docs/**/*.md", "docs/**/*.png", "docs/**/*.svg", "bench/*.md",
-              "bench/results/*.md", "config/sros2/policy.xml")
+_COLLECTED = ("*.md", "LICENSE", "package.xml", "docs/*.py", "docs/**/*.md", "docs/**/*.png", "docs/**/*.svg", "bench/*.md",
+              "bench/results/*.md", "examples/*.md", "examples/*.py", "config/sros2/policy.xml")
 _INLINE = re.compile(r'<span class="arithmatex">\\\((.+?)\\\)</span>', re.DOTALL)
 _BLOCK = re.compile(r'<div class="arithmatex">\\\[(.+?)\\\]</div>', re.DOTALL)
-_DIAGRAM = re.compile(r'<div class="mermaid">(.+?)</div>', re.DOTALL)
+_DIAGRAM = re.compile(r'<pre class="mermaid"><code>(.+?)</code></pre>', re.DOTALL)
 
 
 def main() -> int:
