@@ -20,8 +20,8 @@ ROOT = Path(__file__).parents[1]
 PAGES = ROOT / "build/pages"
 SITE = ROOT / "site"
 DIAGRAMS = ROOT / "docs/diagrams"
-_COLLECTED = ("*.md", "LICENSE", "package.xml", "docs/*.py", "docs/**/*.md", "docs/**/*.png", "docs/**/*.svg", "bench/*.md",
-              "bench/results/*.md", "examples/*.md", "examples/*.py", "config/sros2/policy.xml")
+_COLLECTED = ("*.md", "LICENSE", "package.xml", "docs/**/*.md", "docs/**/*.png", "docs/*.py", "bench/*.md",
+              "bench/results/*.md", "examples/*", "config/sros2/policy.xml")
 _INLINE = re.compile(r'<span class="arithmatex">\\\((.+?)\\\)</span>', re.DOTALL)
 _BLOCK = re.compile(r'<div class="arithmatex">\\\[(.+?)\\\]</div>', re.DOTALL)
 _DIAGRAM = re.compile(r'<pre class="mermaid"><code>(.+?)</code></pre>', re.DOTALL)
@@ -47,7 +47,7 @@ def diagram_file(diagram: str) -> Path:
 def _collect() -> None:
     shutil.rmtree(PAGES, ignore_errors=True)
     for pattern in _COLLECTED:
-        for file in ROOT.glob(pattern):
+        for file in filter(Path.is_file, ROOT.glob(pattern)):
             copy = PAGES / file.relative_to(ROOT)
             copy.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(file, copy)
