@@ -3,6 +3,7 @@
 PYTHONS := python3 python3.13 python3.12 python3.11 python
 VENV := .venv
 INSTALLED := $(VENV)/.installed
+DOCS_INSTALLED := $(VENV)/.docs_installed
 PY := $(VENV)/bin/python
 
 # The wheels in .venv are a ROS 2 of their own: one sourced in this shell (or another .venv) must not shine through.
@@ -10,7 +11,7 @@ unexport PYTHONHOME PYTHONPATH LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTAT
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help install demo test faults soak fuzz lint bench clean
+.PHONY: help install demo test faults soak fuzz lint bench docs clean
 .DELETE_ON_ERROR:
 
 help:
@@ -21,6 +22,7 @@ help:
 	@echo "make fuzz    a million damaged inputs for every reader"
 	@echo "make lint    lint and type check alone"
 	@echo "make bench   time a frame, step by step"
+	@echo "make docs    build the docs site into site/, every link and anchor checked"
 	@echo "make install set up .venv (the others do it when needed)"
 	@echo "make clean   remove .venv and what the tools left"
 
@@ -50,8 +52,15 @@ lint: $(INSTALLED)
 bench: $(INSTALLED)
 	@$(PY) bench/run.py
 
+docs: export NO_MKDOCS_2_WARNING := 1
+docs: $(DOCS_INSTALLED)
+	@$(PY) docs/make_site.py
+
+$(DOCS_INSTALLED): $(INSTALLED)
+	@$(PY) -m pip install --quiet --editable '.[docs]' && touch $@
+
 clean:
-	rm -rf $(VENV) build install log demo_output stab_ros.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build install log demo_output site stab_ros.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The first Python of PYTHONS that runs, is of the right version and can make an environment; PYTHONS=... overrides.

@@ -61,6 +61,7 @@ setup(
             "types-PyYAML>=6.0",
             "types-tqdm>=4.66",
         ],
+        "docs": ["latex2mathml>=3.77", "mkdocs>=1.6,<2", "mkdocs-material>=9.5"],
     },
     entry_points={
         "console_scripts": [
