@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-from stab_ros.evaluation.evaluator import EvaluatorConfig
 from stab_ros.evaluation.frame_metrics import FrameMetrics, Outcome
+from stab_ros.evaluation.settings import EvaluatorConfig
 
 
 class Level(IntEnum):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stab_ros.core.gray import depth_scale, to_gray
 from stab_ros.core.region import Area
 from stab_ros.core.types import BoolArray, FloatArray, Frame, Gray, Homography, IdArray
+from stab_ros.evaluation.settings import EvaluatorConfig, NamedPoint
 from stab_ros.metrics.alignment import follow
 from stab_ros.metrics.comparison import PointComparison, compare
 from stab_ros.metrics.correlation import Correlator
@@ -21,12 +21,8 @@ from stab_ros.metrics.rmsd import cut
 from stab_ros.metrics.velocity_field import VelocityField
 from stab_ros.metrics.verification import VerificationPoint, calibrated_points, choose_points
 
-if TYPE_CHECKING:
-    from stab_ros.evaluation.evaluator import EvaluatorConfig
-
 _AREA_PX = 64  # interrogation area around a verification point
 _USUAL_WINDOW_PX = 31  # Ljubicic et al. 2021, section 3.2
-NamedPoint = tuple[str, float, float]  # name, x and y in reference px
 
 
 @dataclass(frozen=True, eq=False)

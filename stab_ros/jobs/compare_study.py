@@ -17,17 +17,19 @@ import numpy as np
 from stab_ros.core.errors import InputError
 from stab_ros.core.gray import depth_scale, to_gray
 from stab_ros.core.kernels import Compiler, compile_kernels
+from stab_ros.core.progress import Progress
 from stab_ros.core.settings import Value
 from stab_ros.core.types import BoolArray, Correspondences, Fit, Frame, Gray
 from stab_ros.estimation import estimators
+from stab_ros.evaluation.summary import Json
 from stab_ros.io.outputs import completed
 from stab_ros.io.regions import read_area
 from stab_ros.io.source import open_source
 from stab_ros.jobs.compare import ComparisonJob, checked_methods
 from stab_ros.jobs.compare_text import aligned, written
-from stab_ros.jobs.evaluate_files import Json, write_tree
+from stab_ros.jobs.evaluate_files import write_tree
 from stab_ros.jobs.result_outputs import ResultOutputs
-from stab_ros.jobs.stabilize import Progress, expected
+from stab_ros.jobs.stabilize import expected
 from stab_ros.methods import METHODS
 from stab_ros.parameters.table import stabilizer_config
 from stab_ros.tracking.stabilizer import StabilizerConfig

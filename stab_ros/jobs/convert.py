@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stab_ros.core.errors import InputError
+from stab_ros.core.progress import Progress
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import BagWriter, Topic, open_bag
 from stab_ros.io.messages import header_of, image_cdr
 from stab_ros.io.outputs import check_output
 from stab_ros.io.source import Kind, Picture, kind_of, open_source
-from stab_ros.jobs.stabilize import Progress, expected
+from stab_ros.jobs.stabilize import expected
 
 
 @dataclass(frozen=True)

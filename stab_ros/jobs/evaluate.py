@@ -6,26 +6,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from stab_ros.core.errors import MessageError
 from stab_ros.core.kernels import Compiler, compile_kernels
+from stab_ros.core.progress import Progress
 from stab_ros.core.settings import Value
-from stab_ros.core.types import BoolArray, Frame
-from stab_ros.evaluation.evaluator import Arrival, Evaluator, EvaluatorConfig
-from stab_ros.evaluation.frame_metrics import FrameMetrics, Outcome
+from stab_ros.core.types import Frame
+from stab_ros.evaluation.evaluator import Arrival, Evaluator
+from stab_ros.evaluation.frame_metrics import FrameMetrics
 from stab_ros.evaluation.pairing import Pairing
+from stab_ros.evaluation.results import Evaluation, TopicEvaluation
 from stab_ros.io.bag import Message
 from stab_ros.io.messages import IMAGE, read_homography, read_image, read_size
 from stab_ros.io.source import Picture
 from stab_ros.jobs.evaluate_streams import Stream, expected_pictures, open_streams
-from stab_ros.jobs.stabilize import Progress
 from stab_ros.jobs.stage import Stage
-from stab_ros.metrics.statistics import Summary, summarize
-from stab_ros.metrics.velocity_field import Field, mean_field
-from stab_ros.metrics.verification import VerificationPoint
 from stab_ros.parameters.engines import make_evaluator
 
+__all__ = ["EvaluationJob", "TopicEvaluation", "evaluate"]
 _WAITING_BYTES = 1 << 30  # of pictures whose homographies come later in the recording
 
 
@@ -41,58 +38,6 @@ class EvaluationJob:
     image_topics: tuple[str, ...] = ()
     limit: int | None = None
     fps: float | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class TopicEvaluation:
-    """What came of one stream. reference: its first picture, or the one that was given. static: (P,) bool, at the end.
-
-    rows: one for each frame. fps: of the stream, or as set.
-    """
-
-    topic: str
-    reference: Frame
-    points: tuple[VerificationPoint, ...]
-    static: BoolArray
-    rows: tuple[FrameMetrics, ...]
-    config: EvaluatorConfig
-    fps: float
-
-    @property
-    def measured(self) -> tuple[FrameMetrics, ...]:
-        """Those that statistics are made of: neither the reference nor what was lost."""
-        return tuple(row for row in self.rows if row.outcome is Outcome.MEASURED)
-
-    def count(self, outcome: Outcome) -> int:
-        return sum(row.outcome is outcome for row in self.rows)
-
-    def series(self, name: str) -> list[float]:
-        """A metric of all measured frames that have it."""
-        return [value for row in self.measured if (value := row[name]) is not None]
-
-    def summary(self, name: str) -> Summary | None:
-        return summarize(self.series(name))
-
-    def point_series(self, name: str, point: int) -> list[float]:
-        """A metric of one verification point, over all measured frames that have it."""
-        values = [row.points[name][point] for row in self.measured if name in row.points]
-        return [float(value) for value in values if np.isfinite(value)]
-
-    @property
-    def field(self) -> Field | None:
-        """The residual velocity field, mean over the frames that were checked."""
-        fields = [row.field for row in self.measured if row.field is not None]
-        return mean_field(fields) if fields else None
-
-
-@dataclass(frozen=True, eq=False)
-class Evaluation:
-    """What came of a job. frames: of the first stream. warnings: one line each, what could not be read."""
-
-    source: Path
-    frames: int
-    topics: tuple[TopicEvaluation, ...]
-    warnings: tuple[str, ...]
 
 
 def evaluate(job: EvaluationJob, progress: Progress, compiling: Compiler = compile_kernels) -> Evaluation:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from stab_ros.evaluation.frame_metrics import UNITS, Outcome
-from stab_ros.jobs.evaluate import Evaluation, TopicEvaluation
-from stab_ros.jobs.evaluate_files import findings_of, unrest_px
+from stab_ros.evaluation.results import Evaluation, TopicEvaluation
+from stab_ros.evaluation.summary import findings_of, unrest_px
 from stab_ros.metrics.statistics import Summary, summarize
 
 _WORST = 5  # findings that are shown

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from stab_ros.core.kernels import Compiler, compile_kernels
+from stab_ros.core.progress import Progress
 from stab_ros.core.settings import Value
 from stab_ros.core.types import Frame
 from stab_ros.imaging.camera import Camera
@@ -24,9 +25,6 @@ from stab_ros.jobs.stabilized_bag import StabilizedBag
 from stab_ros.parameters.engines import make_stabilizer
 from stab_ros.parameters.table import PARAMETERS
 from stab_ros.tracking.stabilizer import Stabilizer
-
-# called after every frame with how many are done, and of how many (None: the input does not say)
-Progress = Callable[[int, int | None], None]
 
 
 @dataclass(frozen=True)

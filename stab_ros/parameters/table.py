@@ -10,7 +10,7 @@ from typing import Any
 
 from stab_ros.core.errors import ConfigError
 from stab_ros.core.settings import Range, Value, checked, settings_of
-from stab_ros.evaluation.evaluator import EvaluatorConfig
+from stab_ros.evaluation.settings import EvaluatorConfig
 from stab_ros.methods import METHODS
 from stab_ros.parameters.presets import PRESETS
 from stab_ros.tracking.stabilizer import StabilizerConfig
