@@ -10,7 +10,7 @@ from stab_ros.evaluation.settings import EvaluatorConfig
 
 
 class Level(IntEnum):
-    """As diagnostic_msgs/DiagnosticStatus."""
+    """Level of a diagnostic_msgs/DiagnosticStatus."""
 
     OK = 0
     WARN = 1
