@@ -1,14 +1,17 @@
-"""How the command line reads its options."""
+"""The options of the command line, and how their values are read."""
 
 from __future__ import annotations
 
 import argparse
 import math
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import yaml
 
 from stab_ros.core.text import one_line
+
+BAG = "an .mcap, a rosbag2 folder or a ROS 1 .bag"
+INPUT = "an .mcap, a rosbag2 folder, a ROS 1 .bag, a video or a folder of images"
 
 
 class Parser(argparse.ArgumentParser):
@@ -16,6 +19,17 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {one_line(message)}; see {self.prog} --help\n")
+
+
+def command(commands: Any, name: str, does: str) -> argparse.ArgumentParser:
+    """The parser of a new command of `commands`; `does` is its help text."""
+    parser: argparse.ArgumentParser = commands.add_parser(name, help=does, description=f"{does[0].upper()}{does[1:]}.")
+    return parser
+
+
+def add_force(parser: argparse.ArgumentParser) -> None:
+    """The option --force."""
+    parser.add_argument("--force", action="store_true", help="overwrite output that exists")
 
 
 def positive_int(text: str) -> int:
