@@ -45,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     from stab_ros.jobs.compare import ComparisonJob, checked_methods, shared_values
     from stab_ros.jobs.compare_study import study_method
     from stab_ros.jobs.result_outputs import ResultOutputs
-    from stab_ros.parameters.engines import read_config
+    from stab_ros.parameters.file import read_config
 
     methods = (study_method(options.methods),) if options.study else checked_methods(options.methods)
     given, parameters = read_config(options.config) if options.config else {}, dict(options.parameters)

@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
     from stab_ros.jobs.evaluate_outputs import writers_of
     from stab_ros.jobs.evaluate_text import as_text
     from stab_ros.jobs.result_outputs import ResultOutputs
-    from stab_ros.parameters.engines import EVALUATOR, read_config
+    from stab_ros.parameters.file import EVALUATOR, read_config
     from stab_ros.parameters.table import EVALUATOR_PARAMETERS, checked_values
 
     values = read_config(options.config, EVALUATOR) if options.config else {}

@@ -36,7 +36,7 @@ def run(options: argparse.Namespace) -> int:
     """Runs the command and returns its exit code."""
     from stab_ros.jobs.compiling import compile_shown
     from stab_ros.jobs.stabilize import Job, stabilize
-    from stab_ros.parameters.engines import read_config
+    from stab_ros.parameters.file import read_config
     from stab_ros.parameters.table import checked_values
 
     values = read_config(options.config) if options.config else {}

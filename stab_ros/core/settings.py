@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -55,15 +55,21 @@ def checked(name: str, value: Value, default: Value, limits: Range) -> Value:
     if type(value) is not type(default):
         raise ConfigError(f"{name}: {value!r} is a {type(value).__name__}, it must be a {type(default).__name__}")
     if limits.choices and value not in limits.choices:
-        near = difflib.get_close_matches(str(value), limits.choices, n=3)
-        meant = f"did you mean {' or '.join(near)}? It" if near else "it"
-        raise ConfigError(f"{name}: {value!r} is unknown, {meant} must be one of {', '.join(limits.choices)}")
+        meant = did_you_mean(str(value), limits.choices)
+        must = f"{meant} It must" if meant else "it must"
+        raise ConfigError(f"{name}: {value!r} is unknown, {must} be one of {', '.join(limits.choices)}")
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         low = float("-inf") if limits.low is None else limits.low
         high = float("inf") if limits.high is None else limits.high
         if not low <= value <= high:  # also refuses NaN
             raise ConfigError(f"{name}: {value!r} is out of range, it must lie in [{low:g}, {high:g}]")
     return value
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A question that names up to three of the known names, the closest to `name` first; "" where none is close."""
+    near = difflib.get_close_matches(name, list(known), n=3)
+    return f"did you mean {' or '.join(near)}?" if near else ""
 
 
 class Checked:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Sequence
-from importlib import import_module
 from pathlib import Path
 
 from stab_ros.cli.options import Parser, positive_float
@@ -19,7 +18,7 @@ from stab_ros.demo.replay import Replay, replay
 from stab_ros.demo.stages import stage
 from stab_ros.demo.verdict import Files, Verdict, reach
 from stab_ros.io.homographies import read_homographies
-from stab_ros.jobs.compiling import compile_shown
+from stab_ros.jobs.compiling import compile_all
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample.mcap"
 TRUTH = SAMPLE.with_name("sample_truth.csv")
@@ -72,9 +71,8 @@ def run(folder: Path, rate: float) -> Verdict:
 
 
 def _compile() -> str:
-    """Before the nodes start, each of which would else do it on its own."""
-    import_module("stab_ros.parameters.engines")  # which needs all of them
-    done = compile_shown()
+    """Before the nodes start, each of which would otherwise compile on its own."""
+    done = compile_all()
     return f"{done.total} kernels, {done.compiled} of them new"
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -13,7 +12,7 @@ import numpy as np
 from stab_ros.core.errors import InputError
 from stab_ros.core.kernels import Compiler, compile_kernels
 from stab_ros.core.progress import Progress
-from stab_ros.core.settings import Value
+from stab_ros.core.settings import Value, did_you_mean
 from stab_ros.core.types import Frame, State, Track
 from stab_ros.evaluation.comparison_results import Comparison, MethodResult, Passage
 from stab_ros.evaluation.evaluator import Arrival, Evaluator
@@ -63,8 +62,8 @@ def checked_methods(names: Sequence[str] | None) -> tuple[str, ...]:
     known = known_methods()
     for name in names or ():
         if name not in known:
-            near = difflib.get_close_matches(name, known, n=3, cutoff=0.4) or known
-            raise InputError(f"--methods: {name!r} is unknown, did you mean {', '.join(near)}?")
+            meant = did_you_mean(name, known) or f"it must be one of {', '.join(known)}"
+            raise InputError(f"--methods: {name!r} is unknown, {meant}")
     return known if names is None else tuple(dict.fromkeys(names))
 
 

@@ -66,9 +66,14 @@ def _interrupts_noted() -> Iterator[list[int]]:
         signal.signal(signal.SIGINT, before)
 
 
+def compile_all() -> Compilation:
+    """Compiles the kernels of all engines, for `warm-up` and before several processes start that need them."""
+    import_module("stab_ros.parameters.engines")  # imports every module that has kernels
+    return compile_shown()
+
+
 def warm_up() -> str:
-    """Compiles all that nodes and commands need; what came of it, in a line."""
+    """Compiles all kernels; returns a line that says how many and how long it took."""
     started_s = time.monotonic()
-    import_module("stab_ros.parameters.engines")  # which needs all of them
-    done = compile_shown()
+    done = compile_all()
     return f"{done.total} kernels, of which {done.compiled} were compiled now, {time.monotonic() - started_s:.1f} s"

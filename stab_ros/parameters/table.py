@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from stab_ros.core.errors import ConfigError
-from stab_ros.core.settings import Range, Value, checked, settings_of
+from stab_ros.core.settings import Range, Value, checked, did_you_mean, settings_of
 from stab_ros.evaluation.settings import EvaluatorConfig
 from stab_ros.methods import METHODS
 from stab_ros.parameters.presets import PRESETS
@@ -84,8 +83,8 @@ def checked_values(values: Mapping[str, object], table: Table = PARAMETERS) -> d
 def _checked(name: str, value: object, table: Table) -> Value:
     parameter = table.get(name)
     if parameter is None:
-        near = difflib.get_close_matches(name, table, n=3) or sorted(table)
-        raise ConfigError(f"parameter {name!r} is unknown, did you mean {', '.join(near)}?")
+        meant = did_you_mean(name, table) or f"it must be one of {', '.join(sorted(table))}"
+        raise ConfigError(f"parameter {name!r} is unknown, {meant}")
     if not isinstance(value, (bool, int, float, str)):
         raise ConfigError(f"{name}: {value!r} must be one {type(parameter.default).__name__}")
     return checked(name, value, parameter.default, parameter.limits)
@@ -119,7 +118,7 @@ def stabilizer_config(values: Mapping[str, Value]) -> StabilizerConfig:
     Raises:
         ConfigError: as `checked_values`.
     """
-    values = checked_values(resolved(checked_values(values)))
+    values = checked_values(resolved(values))
     own = {item.name for item in dataclasses.fields(StabilizerConfig)}
     chosen: Any = {name: value for name, value in values.items() if name in own}
     config = StabilizerConfig(**chosen)
