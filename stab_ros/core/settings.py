@@ -69,7 +69,8 @@ def checked(name: str, value: Value, default: Value, limits: Range) -> Value:
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """A question that names up to three of the known names, the closest to `name` first; "" where none is close."""
     near = difflib.get_close_matches(name, list(known), n=3)
-    return f"did you mean {' or '.join(near)}?" if near else ""
+    listed = " or ".join([", ".join(near[:-1]), near[-1]] if len(near) > 1 else near)
+    return f"did you mean {listed}?" if near else ""
 
 
 class Checked:

@@ -16,7 +16,7 @@ from stab_ros.core.errors import InputError, StabRosError, WorkError
 from stab_ros.core.text import one_line
 from stab_ros.demo.replay import Replay, replay
 from stab_ros.demo.stages import stage
-from stab_ros.demo.verdict import Files, Verdict, reach
+from stab_ros.demo.verdict import DemoResult, Files, reach
 from stab_ros.io.homographies import read_homographies
 from stab_ros.jobs.compiling import compile_all
 
@@ -47,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
 
 
-def run(folder: Path, rate: float) -> Verdict:
+def run(folder: Path, rate: float) -> DemoResult:
     """Everything, into `folder`.
 
     Raises:
@@ -84,7 +84,7 @@ def _replay(job: Replay) -> tuple[str, str]:
         return "broke off", str(error)
 
 
-def _tell(verdict: Verdict) -> int:
+def _tell(verdict: DemoResult) -> int:
     print(f"\n{verdict.text()}\n", flush=True)
     for failure in verdict.failures:
         _say(failure)

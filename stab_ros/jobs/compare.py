@@ -90,7 +90,7 @@ def compare(job: ComparisonJob, progress: Progress, compiling: Compiler = compil
     truth = Truth(job.truth) if job.truth else None
     make_evaluator(job.judging)  # refuses wrong settings before anything is read
     with open_source(job.source, job.image_topic, job.fps) as source:
-        counter = _Counter(progress, expected(source.count, job.limit), len(job.methods))
+        counter = _MethodsProgress(progress, expected(source.count, job.limit), len(job.methods))
         compiling()
         fps = job.fps or source.rate_hz()
         raw = _judge_raw(source, job, _Judge(make_evaluator(job.judging), truth, fps), counter)
@@ -105,7 +105,7 @@ def compare(job: ComparisonJob, progress: Progress, compiling: Compiler = compil
     return Comparison(job.source, frames, raw, shared, truth is not None, (*warnings, *_other_references(shared)))
 
 
-class _Counter:
+class _MethodsProgress:
     """Progress over the input and all methods."""
 
     def __init__(self, progress: Progress, frames: int | None, methods: int) -> None:
@@ -164,7 +164,7 @@ class _Judge:
         return MethodResult(name, tuple(self._passages), evaluation, peak_mb)
 
 
-def _judge_raw(source: Source, job: ComparisonJob, judge: _Judge, counter: _Counter) -> MethodResult:
+def _judge_raw(source: Source, job: ComparisonJob, judge: _Judge, counter: _MethodsProgress) -> MethodResult:
     """The frames as they are, as if the camera had not moved."""
     size: tuple[int, int] | None = None
     for number, picture in enumerate(source.frames(job.limit)):
@@ -180,7 +180,7 @@ def _unmoved(number: int, picture: Picture, frame: Frame | None) -> Step:
     return Step(number, Track(state, number, picture.stamp_ns, 0, 0, ref_H_cur=H), None, steady=frame)
 
 
-def _judge_method(name: str, job: ComparisonJob, judge: _Judge, counter: _Counter) -> MethodResult:
+def _judge_method(name: str, job: ComparisonJob, judge: _Judge, counter: _MethodsProgress) -> MethodResult:
     ending: Finished | Failed = Failed("its process told nothing")
     with closing(steps_of(job.run_of(name))) as steps:
         for told in steps:

@@ -24,7 +24,7 @@ from stab_ros.core.settings import Value
 from stab_ros.core.text import one_line
 from stab_ros.core.types import Frame, Image, Track
 from stab_ros.io.source import Picture, open_source, read_again
-from stab_ros.jobs.pipeline import PictureTracker, Result
+from stab_ros.jobs.pipeline import PictureTracker, TrackedFrame
 from stab_ros.parameters.engines import make_stabilizer
 
 _STATUS = Path("/proc/self/status")
@@ -150,7 +150,7 @@ class _Clock:
         self._tracker = tracker
         self._share_s = 0.0
 
-    def step(self, picture: Picture) -> tuple[Result, float]:
+    def step(self, picture: Picture) -> tuple[TrackedFrame, float]:
         """The result and its seconds."""
         ahead, started_s = self._tracker.ahead, time.perf_counter()
         result = self._tracker.step(picture)
@@ -162,7 +162,7 @@ class _Clock:
         return result, elapsed_s
 
 
-def _send(connection: Connection, result: Result, seconds: float) -> None:
+def _send(connection: Connection, result: TrackedFrame, seconds: float) -> None:
     decoded, track = result.picture.decoded, dataclasses.replace(result.track, covariance=None)
     if not isinstance(decoded, Frame):
         connection.send((Step(result.number, track, None), None))

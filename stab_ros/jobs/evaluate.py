@@ -18,7 +18,7 @@ from stab_ros.evaluation.results import Evaluation, TopicEvaluation
 from stab_ros.io.bag import Message
 from stab_ros.io.messages import IMAGE, read_homography, read_image, read_size
 from stab_ros.io.source import Picture
-from stab_ros.jobs.evaluate_streams import Stream, expected_pictures, open_streams
+from stab_ros.jobs.evaluate_streams import ImageStream, expected_pictures, open_streams
 from stab_ros.jobs.stage import Stage
 from stab_ros.parameters.engines import make_evaluator
 
@@ -52,7 +52,7 @@ def evaluate(job: EvaluationJob, progress: Progress, compiling: Compiler = compi
     topics: list[TopicEvaluation] = []
     warnings: list[str] = []
     with open_streams(job.source, job.image_topics, job.fps) as streams:
-        counter = _Counter(progress, expected_pictures(streams, job.limit))
+        counter = _StreamsProgress(progress, expected_pictures(streams, job.limit))
         compiling()
         for stream in streams:
             work = _Work(stream, make_evaluator(job.values), counter)
@@ -61,7 +61,7 @@ def evaluate(job: EvaluationJob, progress: Progress, compiling: Compiler = compi
     return Evaluation(job.source, len(topics[0].rows), tuple(topics), tuple(dict.fromkeys(warnings)))
 
 
-class _Counter:
+class _StreamsProgress:
     """Progress over all streams."""
 
     def __init__(self, progress: Progress, total: int | None) -> None:
@@ -77,7 +77,7 @@ class _Counter:
 class _Work:
     """One stream through its evaluator; pictures that cannot be used are counted."""
 
-    def __init__(self, stream: Stream, evaluator: Evaluator, counter: _Counter) -> None:
+    def __init__(self, stream: ImageStream, evaluator: Evaluator, counter: _StreamsProgress) -> None:
         self._stream = stream
         self._evaluator = evaluator
         self._counter = counter

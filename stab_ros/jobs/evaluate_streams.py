@@ -26,7 +26,7 @@ _STABILIZED, _RAW = "image_stabilized", ("image_raw", "image_raw/compressed")
 
 
 @dataclass(frozen=True, eq=False)
-class Stream:
+class ImageStream:
     """One topic of pictures, and what belongs to it: the topics of its homographies and of its reference."""
 
     source: Source
@@ -39,7 +39,7 @@ class Stream:
 
 
 @contextmanager
-def open_streams(path: Path, image_topics: Sequence[str], fps: float | None) -> Iterator[Sequence[Stream]]:
+def open_streams(path: Path, image_topics: Sequence[str], fps: float | None) -> Iterator[Sequence[ImageStream]]:
     """The streams of an input; no `image_topics`: the one there is, or the raw and the stabilised one of a camera.
 
     Raises:
@@ -48,23 +48,23 @@ def open_streams(path: Path, image_topics: Sequence[str], fps: float | None) -> 
     with ExitStack() as stack:
         if kind_of(path) is not Kind.BAG:
             topic = image_topics[0] if image_topics else None
-            yield [Stream(stack.enter_context(open_source(path, topic, fps)))]
+            yield [ImageStream(stack.enter_context(open_source(path, topic, fps)))]
             return
         reader = stack.enter_context(open_bag(path))
         names = choose_topics(str(path), reader.topics, image_topics)
         yield [_stream(BagSource(path, reader, name)) for name in names]
 
 
-def _stream(source: BagSource) -> Stream:
+def _stream(source: BagSource) -> ImageStream:
     """Homographies belong to what they have brought in place, not to the raw pictures."""
     namespace = namespace_of(source.topics[source.image_topic])
     if source.image_topic != f"{namespace}/{_STABILIZED}":
-        return Stream(source)
+        return ImageStream(source)
     homography = source.topics.get(f"{namespace}/homography")
     known = homography is not None and homography.msgtype == CAMERA_INFO and homography.count
     references = [topic.name for topic in source.topics.values() if topic.msgtype == IMAGE
                   and topic.name.startswith(f"{namespace}/") and topic.name.endswith(REFERENCE_IMAGE)]
-    return Stream(source, homography.name if homography and known else None, *references[:1])
+    return ImageStream(source, homography.name if homography and known else None, *references[:1])
 
 
 def choose_topics(name: str, topics: Mapping[str, Topic], wanted: Sequence[str]) -> Sequence[str]:
@@ -103,7 +103,7 @@ def _raw_and_stabilized(filled: Sequence[str]) -> list[str] | None:
     return None if strangers else [*raw[:1], *stabilized]
 
 
-def expected_pictures(streams: Sequence[Stream], limit: int | None) -> int | None:
+def expected_pictures(streams: Sequence[ImageStream], limit: int | None) -> int | None:
     """How many pictures all streams have together, at most `limit` each; None where an input does not say."""
     counts = [stream.source.count if limit is None else min(stream.source.count or limit, limit) for stream in streams]
     known = [count for count in counts if count is not None]

@@ -20,13 +20,13 @@ from stab_ros.tracking.stabilizer import Stabilizer
 from stab_ros.tracking.static_map import StaticMap
 
 # called after every frame with how many are done
-Progress = Callable[[int], None]
+OnFrame = Callable[[int], None]
 # the pictures of the input once more, from a number on
 ReadAgain = Callable[[int], Generator[Picture, None, None]]
 
 
 @dataclass(frozen=True, eq=False)
-class Result:
+class TrackedFrame:
     """One picture, its number in the input, and its track.
 
     image: the picture in the reference's place; None: not wanted. image_cdr: its message. static_map: where
@@ -54,7 +54,7 @@ class Outputs:
     def need_image(self) -> bool:
         return self.bag.with_image or self.video is not None
 
-    def write(self, result: Result) -> None:
+    def write(self, result: TrackedFrame) -> None:
         frame = result.picture.decoded
         self.bag.write(result.picture, result.track, result.image_cdr, result.reference_size, result.static_map)
         if self.table is not None:
@@ -72,7 +72,7 @@ class Counts:
     unused: int = 0
     problem: str = ""
 
-    def add(self, result: Result) -> None:
+    def add(self, result: TrackedFrame) -> None:
         self.frames += 1
         self.tracked += result.track.tracked
         if not isinstance(result.picture.decoded, Frame):
@@ -80,12 +80,12 @@ class Counts:
             self.problem = self.problem or str(result.picture.decoded)
 
 
-def run(items: Iterable[Picture | Message], stabilizer: Stabilizer, outputs: Outputs, progress: Progress,
+def run(items: Iterable[Picture | Message], stabilizer: Stabilizer, outputs: Outputs, progress: OnFrame,
         read_again: ReadAgain) -> Counts:
     """Reads here, tracks and writes on two more threads, each a frame or two behind the other, all in order."""
     tracker, counts = PictureTracker(stabilizer, outputs.need_image, read_again), Counts()
 
-    def write(item: Result | Message) -> None:
+    def write(item: TrackedFrame | Message) -> None:
         if isinstance(item, Message):
             outputs.bag.take_over(item)
             return
@@ -122,7 +122,7 @@ class PictureTracker:
         """How many pictures after the last one are answered already."""
         return len(self._ahead)
 
-    def step(self, picture: Picture) -> Result:
+    def step(self, picture: Picture) -> TrackedFrame:
         """Raises InputError if what the user gave does not fit the first reference; later that is a picture lost."""
         self._number += 1
         if isinstance(picture.decoded, MessageError):
@@ -178,9 +178,9 @@ class PictureTracker:
             self._ahead[numbers[track.index]] = track
 
     def _result(self, picture: Picture, track: Track, image: Image | None = None,
-                image_cdr: bytes | None = None) -> Result:
+                image_cdr: bytes | None = None) -> TrackedFrame:
         size = picture.decoded.size if track.tracked and isinstance(picture.decoded, Frame) else self._reference_size
-        return Result(self._number, picture, track, image, image_cdr, size, self._new_map(size))
+        return TrackedFrame(self._number, picture, track, image, image_cdr, size, self._new_map(size))
 
     @property
     def _reference_size(self) -> tuple[int, int] | None:

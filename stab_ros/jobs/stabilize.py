@@ -45,7 +45,7 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Summary:
+class Stabilization:
     """What came of a job; `warnings` says, one line each, what was lost on the way."""
 
     frames: int
@@ -58,7 +58,7 @@ class Summary:
         return self.frames - self.tracked
 
 
-def stabilize(job: Job, progress: Progress, compiling: Compiler = compile_kernels) -> Summary:
+def stabilize(job: Job, progress: Progress, compiling: Compiler = compile_kernels) -> Stabilization:
     """Does the job.
 
     compiling: compiles all kernels, before the first frame.
@@ -79,7 +79,7 @@ def stabilize(job: Job, progress: Progress, compiling: Compiler = compile_kernel
                          partial(read_again, job.source, job.image_topic, job.fps, job.limit))
         warnings = (*_replaced(source, outputs.bag.replaced), *source.warnings, *_unused(source, counts),
                     *_without_reference(source, stabilizer.reference), *_remarks(source, stabilizer))
-    return Summary(counts.frames, counts.tracked, time.monotonic() - started_s, warnings)
+    return Stabilization(counts.frames, counts.tracked, time.monotonic() - started_s, warnings)
 
 
 def expected(count: int | None, limit: int | None) -> int | None:
