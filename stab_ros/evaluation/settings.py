@@ -13,22 +13,32 @@ NamedPoint: TypeAlias = tuple[str, float, float]  # name, x and y in reference p
 
 @dataclass(frozen=True)
 class EvaluatorConfig(Checked):
-    """What is measured, and from where on it is reported as a problem."""
+    """What the evaluator measures, and the thresholds above which it reports a problem."""
 
-    points: int = setting(12, "verification points that are chosen in the reference", 1, 100)
-    window_px: int = setting(31, "width of the RMSD windows, px, odd; 0: chosen by R^2 of d(RMSD)", 0, 201)
-    rmse_every: int = setting(10, "RMSE of homologous points and velocity field: on the frame after the reference and "
-                              "on every so many-th", 1, 100000)
-    svf_columns: int = setting(4, "sub-regions of the velocity field beside each other", 1, 50)
-    svf_rows: int = setting(3, "sub-regions of the velocity field above each other", 1, 50)
-    gsd_m: float = setting(0.0, "ground sampling distance, m a pixel; 0: unknown, nothing is told in metres", 0.0, 1e3)
-    fps: float = setting(0.0, "frames per second for velocities; 0: from the stamps", 0.0, 1e4)
-    displacement_warn_px: float = setting(0.5, "displacement from which a frame is WARN, px", 0.0, 1e3)
-    displacement_error_px: float = setting(2.0, "displacement from which a frame is ERROR, px", 0.0, 1e3)
-    rmse_warn_px: float = setting(0.5, "RMSE of homologous points from which a frame is WARN, px", 0.0, 1e3)
-    rmse_error_px: float = setting(2.0, "RMSE of homologous points from which a frame is ERROR, px", 0.0, 1e3)
-    brightness_warn: float = setting(0.03, "relative change of brightness from which a frame is WARN", 0.0, 10.0)
-    frozen_frames: int = setting(3, "repeated pictures in a row from which the stream counts as frozen", 1, 100000)
+    points: int = setting(12, "Number of verification points chosen in the reference frame", 1, 100)
+    window_px: int = setting(
+        31, "Side length of the RMSD windows in pixels, odd; 0: chosen by R^2 of the d(RMSD) fit", 0, 201)
+    rmse_every: int = setting(
+        10, "Interval in frames between measurements of the RMSE of homologous points and of the velocity field; the "
+        "frame after the reference is always measured", 1, 100000)
+    svf_columns: int = setting(4, "Number of columns of sub-regions in the velocity field", 1, 50)
+    svf_rows: int = setting(3, "Number of rows of sub-regions in the velocity field", 1, 50)
+    gsd_m: float = setting(
+        0.0, "Ground sampling distance in metres per pixel; 0: unknown, no results in metres", 0.0, 1e3)
+    fps: float = setting(
+        0.0, "Frame rate used for velocities, in frames per second; 0: taken from the stamps", 0.0, 1e4)
+    displacement_warn_px: float = setting(
+        0.5, "Displacement in pixels at which a frame is reported as WARN", 0.0, 1e3)
+    displacement_error_px: float = setting(
+        2.0, "Displacement in pixels at which a frame is reported as ERROR", 0.0, 1e3)
+    rmse_warn_px: float = setting(
+        0.5, "RMSE of homologous points in pixels at which a frame is reported as WARN", 0.0, 1e3)
+    rmse_error_px: float = setting(
+        2.0, "RMSE of homologous points in pixels at which a frame is reported as ERROR", 0.0, 1e3)
+    brightness_warn: float = setting(
+        0.03, "Relative change of brightness at which a frame is reported as WARN", 0.0, 10.0)
+    frozen_frames: int = setting(
+        3, "Number of consecutive identical images at which the stream is reported as frozen", 1, 100000)
 
     def __post_init__(self) -> None:
         super().__post_init__()

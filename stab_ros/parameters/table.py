@@ -24,7 +24,7 @@ class Parameter:
     limits: Range
 
 
-_REGION = 'JSON [[[x, y], ...], ...] in reference px, or the path of such a .json or of a PNG mask; "" for none'
+_REGION = 'JSON [[[x, y], ...], ...] in reference pixels, or the path of a .json file or of a PNG mask; "": none'
 
 
 def parameters_of(config: type[Any], prefix: str = "") -> Iterator[Parameter]:
@@ -34,36 +34,37 @@ def parameters_of(config: type[Any], prefix: str = "") -> Iterator[Parameter]:
 
 
 def _areas() -> Iterator[Parameter]:
-    yield Parameter("roi", "", Range(f"where static ground is: {_REGION}"))
-    yield Parameter("exclude", "", Range(f"what to leave out, e.g. the water: {_REGION}"))
+    yield Parameter("roi", "", Range(f"Region of static ground: {_REGION}"))
+    yield Parameter("exclude", "", Range(f"Region to ignore, for example the water: {_REGION}"))
 
 
 def _of_the_tracker() -> Iterator[Parameter]:
     for one in parameters_of(StabilizerConfig):
         yield _method_or_preset(one) if one.name == "method" else one
     yield from _areas()
-    yield Parameter("static_map", "", Range("a static map of the same reference, as saved before: the path of a bag "
-                                            'that stabilize has written, or of a PNG (white: static ground); "": the '
-                                            "map is found out at the start"))
-    yield Parameter("points_file", "", Range("a CSV name,x,y of points in reference px for the method to go by, for "
-                                             'methods that take points; "": it chooses them itself'))
-    yield Parameter("manual_points", "", Range("the same as JSON [[x, y], ...]"))
-    yield Parameter("use_camera_info", False, Range("remove lens distortion as camera_info describes it"))
+    yield Parameter("static_map", "", Range("Path of a static map of the same reference: a bag written by stabilize, "
+                                            'or a PNG (white: static ground); "": the map is estimated at the start'))
+    yield Parameter("points_file", "", Range("Path of a CSV file name,x,y with the points to track, in reference "
+                                             'pixels, for methods that take points; "": the method chooses them'))
+    yield Parameter("manual_points", "", Range("Points to track as JSON [[x, y], ...] in reference pixels, in place of "
+                                               "points_file"))
+    yield Parameter("use_camera_info", False, Range("Whether to remove lens distortion with the calibration of "
+                                                    "camera_info"))
     for name, method in METHODS.items():
         yield from parameters_of(method.Config, f"{name}.")
 
 
 def _method_or_preset(method: Parameter) -> Parameter:
     choices = (*method.limits.choices, *PRESETS)
-    doc = f"{method.limits.doc}; a preset stands for a method and values of other parameters"
+    doc = f"{method.limits.doc}; a preset selects a method and sets other parameters"
     return dataclasses.replace(method, limits=dataclasses.replace(method.limits, doc=doc, choices=choices))
 
 
 def _of_the_evaluator() -> Iterator[Parameter]:
     yield from parameters_of(EvaluatorConfig)
     yield from _areas()
-    yield Parameter("points_file", "", Range("a CSV name,x,y with verification points in reference px; "
-                                             '"": chosen in the reference'))
+    yield Parameter("points_file", "", Range("Path of a CSV file name,x,y with verification points in reference "
+                                             'pixels; "": chosen in the reference frame'))
 
 
 Table = Mapping[str, Parameter]
