@@ -1,6 +1,6 @@
-"""Settings as frozen dataclasses: default, range and meaning of a parameter stand once, at its field.
+"""Settings as frozen dataclasses: the field of a parameter holds its default, its range and its description.
 
-The node declares its ROS parameters from these fields, the command line checks `-p name:=value` against them.
+The nodes declare their ROS parameters from these fields; the command line checks `-p name:=value` against them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Value: TypeAlias = bool | int | float | str
 
 @dataclass(frozen=True)
 class Range:
-    """What a field accepts, and what it means (the ROS parameter descriptor is made from this)."""
+    """The values that a field accepts, and its description; the source of the ROS parameter descriptor."""
 
     doc: str
     low: float | None = None
@@ -43,7 +43,7 @@ def settings_of(config: Any) -> Iterator[tuple[str, Value, Range]]:
 
 
 def checked(name: str, value: Value, default: Value, limits: Range) -> Value:
-    """`value` as the type of `default`, within `limits`.
+    """`value` converted to the type of `default`, after a check against `limits`.
 
     Raises:
         ConfigError: wrong type, out of range, or not one of the choices.
@@ -74,7 +74,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 class Checked:
-    """Base of all settings: validates every field on construction."""
+    """Base class of all settings: validates every field on construction."""
 
     def __post_init__(self) -> None:
         for name, default, limits in settings_of(self):

@@ -12,9 +12,9 @@ from stab_ros.metrics.statistics import Summary, summarize
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """One frame as a method saw it. reference: whether it is what others are brought back to.
+    """One frame as registered by one method. reference: whether it became the reference.
 
-    error_px: against the truth, None without one, while lost, and for the reference. seconds: tracking and warping.
+    error_px: against the truth; None without truth, while lost, and for the reference. seconds: tracking and warping.
     """
 
     number: int
@@ -26,9 +26,9 @@ class Passage:
 
 @dataclass(frozen=True, eq=False)
 class MethodResult:
-    """What came of one method. passages: one a frame. evaluation: None if no frame became the reference.
+    """The result of one method. passages: one for each frame. evaluation: None if no frame became the reference.
 
-    peak_mb: of its process. failure: why there is nothing of all that, in one line; "" if there is.
+    peak_mb: peak memory of its process. failure: why the method has no result, in one line; else "".
     """
 
     name: str
@@ -39,7 +39,7 @@ class MethodResult:
 
     @property
     def tracked(self) -> int:
-        """Frames, the reference among them."""
+        """Number of tracked frames, including the reference."""
         return sum(one.track.tracked for one in self.passages)
 
     @property
@@ -48,12 +48,12 @@ class MethodResult:
 
     @property
     def reference(self) -> int | None:
-        """The number of the frame that became the (first) reference."""
+        """Number of the frame that became the first reference."""
         return next((one.number for one in self.passages if one.reference), None)
 
     @property
     def aligned(self) -> list[Passage]:
-        """Those that statistics are made of: neither the reference nor what was lost."""
+        """The frames that statistics include: neither the reference nor lost frames."""
         return [one for one in self.passages if one.track.tracked and not one.reference]
 
     @property
@@ -62,7 +62,7 @@ class MethodResult:
 
     @property
     def seconds(self) -> list[float]:
-        """Of every frame after the reference, lost or not."""
+        """Time of every frame after the reference, lost or not."""
         first = self.reference
         return [] if first is None else [one.seconds for one in self.passages
                                          if one.number > first and one.seconds is not None]
@@ -70,7 +70,7 @@ class MethodResult:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """What came of a job. raw: the frames as they are. warnings: one line each, what could not be read or compared."""
+    """The result of a comparison. raw: the frames without stabilisation. warnings: problems, one line each."""
 
     source: Path
     frames: int

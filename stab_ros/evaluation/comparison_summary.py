@@ -11,20 +11,20 @@ from stab_ros.evaluation.frame_metrics import FrameMetrics
 from stab_ros.evaluation.summary import Json, summary_json, unrest_px
 from stab_ros.metrics.statistics import summarize
 
-# of the evaluator, by their names there: what a comparison is about
+# metrics of the evaluator that a comparison reports
 MEASURES = ("displacement_reference_px", "displacement_previous_px", "rmse_reference_px", "rmse_previous_px",
             "rmsd_reference", "rmsd_previous", "checkpoints", "points_used", "points_beyond_range")
 
 
 def as_json(comparison: Comparison) -> Json:
-    """`compare --json`: by method frames tracked, error with a truth, time, memory, and what the evaluator measured."""
+    """`compare --json`: for each method the tracked frames, error against the truth, time, memory and metrics."""
     return {"frames": comparison.frames, "source": comparison.source.name, "truth": comparison.has_truth,
             "warnings": list(comparison.warnings), "raw": _judged(comparison.raw, comparison.has_truth),
             "methods": {one.name: method_json(one, comparison.has_truth) for one in comparison.methods}}
 
 
 def method_json(result: MethodResult, has_truth: bool) -> Json:
-    """One method; where it failed, `failure` says why and there is no number."""
+    """The summary of one method; if it failed, `failure` gives the reason and all numbers are null."""
     tracks = [one.track for one in result.aligned]
     seconds = result.seconds
     return {
@@ -45,7 +45,7 @@ def method_json(result: MethodResult, has_truth: bool) -> Json:
 
 
 def _judged(result: MethodResult, has_truth: bool) -> Json:
-    """What is there for the raw frames too."""
+    """The part of the summary that the raw frames have as well."""
     judged = result.evaluation
     jitter_px, drift_px = (None, None) if judged is None else unrest_px(judged)
     error = {"error_px": summary_json(result.error_px)} if has_truth else {}
@@ -55,7 +55,7 @@ def _judged(result: MethodResult, has_truth: bool) -> Json:
 
 
 def frames_of(result: MethodResult) -> list[tuple[Passage, FrameMetrics | None]]:
-    """Every frame with what was measured of it."""
+    """Every frame with its metrics."""
     rows: Sequence[FrameMetrics | None] = result.evaluation.rows if result.evaluation else [None] * len(result.passages)
     return list(zip(result.passages, rows, strict=True))
 
@@ -76,7 +76,7 @@ def _p95(values: Sequence[float]) -> float | None:
 
 
 def _typical(counts: Sequence[int]) -> int | None:
-    """The lower median: a number of features is a whole one."""
+    """The lower median, which is an integer."""
     return statistics.median_low(counts) if counts else None
 
 

@@ -12,7 +12,7 @@ from stab_ros.evaluation.summary import Json
 
 @dataclass(frozen=True)
 class Column:
-    """head, and the unit or statistic below it. place: where its number lies in the JSON of a method."""
+    """Heading of a column, and the unit or statistic below it. place: path of its number in the JSON of a method."""
 
     head: str
     below: str
@@ -39,18 +39,18 @@ _FRAMES = (Column("tracked", "frames", ("tracked",)), Column("lost", "frames", (
 
 
 def heads(of: Sequence[Column]) -> list[tuple[str, int]]:
-    """The heads, and over how many columns each reaches: those after it without one are its own."""
+    """The headings and how many columns each spans; a heading also covers the columns after it that have none."""
     starts = [index for index, column in enumerate(of) if column.head]
     return [(of[start].head, end - start) for start, end in itertools.pairwise([*starts, len(of)])]
 
 
 def columns(has_truth: bool) -> Sequence[Column]:
-    """Of the table; the error only where the truth is known."""
+    """The columns of the table; the error only with a truth."""
     return (*_FRAMES, *(_ERROR if has_truth else ()), *_COLUMNS)
 
 
 def at(found: Json, place: Sequence[str]) -> Any:
-    """The number at `place`; None where the raw frames have none."""
+    """The number at `place` of the JSON; None where the raw frames have none."""
     value: Any = found
     for step in place:
         value = value.get(step) if value is not None else None

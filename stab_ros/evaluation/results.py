@@ -17,9 +17,9 @@ from stab_ros.metrics.verification import VerificationPoint
 
 @dataclass(frozen=True, eq=False)
 class TopicEvaluation:
-    """What came of one stream. reference: its first picture, or the one that was given. static: (P,) bool, at the end.
+    """The evaluation of one stream. reference: the given one, else its first frame. static: (P,) bool, at the end.
 
-    rows: one for each frame. fps: of the stream, or as set.
+    rows: one for each frame. fps: of the settings, else of the stream.
     """
 
     topic: str
@@ -32,34 +32,34 @@ class TopicEvaluation:
 
     @property
     def measured(self) -> tuple[FrameMetrics, ...]:
-        """Those that statistics are made of: neither the reference nor what was lost."""
+        """The frames that statistics include: neither the reference nor lost frames."""
         return tuple(row for row in self.rows if row.outcome is Outcome.MEASURED)
 
     def count(self, outcome: Outcome) -> int:
         return sum(row.outcome is outcome for row in self.rows)
 
     def series(self, name: str) -> list[float]:
-        """A metric of all measured frames that have it."""
+        """The values of a metric, over all measured frames that have it."""
         return [value for row in self.measured if (value := row[name]) is not None]
 
     def summary(self, name: str) -> Summary | None:
         return summarize(self.series(name))
 
     def point_series(self, name: str, point: int) -> list[float]:
-        """A metric of one verification point, over all measured frames that have it."""
+        """The values of a metric at one verification point, over all measured frames that have it."""
         values = [row.points[name][point] for row in self.measured if name in row.points]
         return [float(value) for value in values if np.isfinite(value)]
 
     @property
     def field(self) -> Field | None:
-        """The residual velocity field, mean over the frames that were checked."""
+        """The residual velocity field, averaged over the frames where it was measured."""
         fields = [row.field for row in self.measured if row.field is not None]
         return mean_field(fields) if fields else None
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """What came of a job. frames: of the first stream. warnings: one line each, what could not be read."""
+    """The evaluation of a recording. frames: of the first stream. warnings: unreadable parts, one line each."""
 
     source: Path
     frames: int

@@ -45,7 +45,7 @@ def topic_json(topic: TopicEvaluation) -> Json:
 
 
 def summary_json(summary: Summary | None) -> Json:
-    """Statistics of a metric; None where there are no values."""
+    """The statistics of a metric; null without values."""
     if summary is None:
         return {"median": None, "p95": None, "max": None, "count": 0}
     return {"median": summary.median, "p95": summary.p95, "max": summary.max, "count": summary.count,
@@ -69,7 +69,7 @@ def _point(topic: TopicEvaluation, index: int) -> Json:
 
 
 def unrest_px(topic: TopicEvaluation) -> tuple[float | None, float | None]:
-    """Jitter and drift, px: RMS of the shift above and below 1 Hz; None where too few frames tell."""
+    """Jitter and drift, px: RMS of the shift above and below 1 Hz; None with too few measured frames."""
     u, v = shifts_px(topic)
     if np.isfinite(u).sum() < 2 or not topic.fps > 0:
         return None, None
@@ -78,19 +78,19 @@ def unrest_px(topic: TopicEvaluation) -> tuple[float | None, float | None]:
 
 
 def shifts_px(topic: TopicEvaluation) -> tuple[FloatArray, FloatArray]:
-    """Shifts u and v, (T,) each, of the frames after the reference, evenly spaced in time; NaN: not measured."""
+    """Shifts u and v, (T,) each, of all frames but the reference, evenly spaced in time; NaN where not measured."""
     u, v = (np.array([math.nan if row[name] is None else row[name] for row in after_reference(topic)], float)
             for name in ("shift_u_px", "shift_v_px"))
     return u, v
 
 
 def after_reference(topic: TopicEvaluation) -> list[FrameMetrics]:
-    """All frames but the reference, measured or not."""
+    """All frames except the reference, measured or not."""
     return [row for row in topic.rows if row.outcome is not Outcome.REFERENCE]
 
 
 def findings_of(topic: TopicEvaluation) -> list[Finding]:
-    """Those of all frames, the worst first."""
+    """The problems of all frames, the most severe first."""
     found = [one for row in topic.rows for one in findings(row, topic.config)]
     return sorted(found, key=lambda one: -one.level)
 
