@@ -24,7 +24,7 @@ _COMMANDS = (stabilize, evaluate, compare, convert, play, record, recover, info,
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs one command and gives its exit code; every error that is not a bug ends here."""
+    """Runs one command and returns its exit code; handles every error that is not a bug."""
     options = _parser().parse_args(arguments)
     keep_freed_memory()
     run: Callable[[argparse.Namespace], int] = options.run
@@ -36,10 +36,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         say(str(error))
         return BAD_INPUT if isinstance(error, InputError) else BROKEN_OFF
     except KeyboardInterrupt:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is left to do is to end
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process is about to end
         say("interrupted; an unfinished output has .partial in its name")
         return INTERRUPTED
-    except BrokenPipeError:  # who reads our output has gone, as in `stab-ros info BAG | head -1`
+    except BrokenPipeError:  # the reader of the output has closed it, as in `stab-ros info BAG | head -1`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_OFF
 

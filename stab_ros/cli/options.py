@@ -15,7 +15,7 @@ INPUT = "an .mcap, a rosbag2 folder, a ROS 1 .bag, a video or a folder of images
 
 
 class Parser(argparse.ArgumentParser):
-    """Says in one line what is wrong with the usage, exit code 2."""
+    """A parser that reports a usage error in one line, exit code 2."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {one_line(message)}; see {self.prog} --help\n")
@@ -33,7 +33,7 @@ def add_force(parser: argparse.ArgumentParser) -> None:
 
 
 def positive_int(text: str) -> int:
-    """For argparse: a whole number above 0."""
+    """For argparse: an integer above 0."""
     if not text.isdecimal() or int(text) == 0:
         raise argparse.ArgumentTypeError(f"{text!r} must be a whole number above 0")
     return int(text)
@@ -56,7 +56,7 @@ def seconds(text: str) -> float:
 
 
 def names(text: str) -> tuple[str, ...]:
-    """For argparse: names between commas, at least one."""
+    """For argparse: at least one name, separated by commas."""
     found = tuple(name.strip() for name in text.split(","))
     if not all(found):
         raise argparse.ArgumentTypeError(f"{text!r} must be names between commas, as in direct,klt")
@@ -64,7 +64,7 @@ def names(text: str) -> tuple[str, ...]:
 
 
 def assignment(text: str) -> tuple[str, object]:
-    """`name:=value`, as ROS reads it: the value is a YAML scalar; anything else is taken as it stands, a string."""
+    """For argparse: `name:=value` as in ROS; the value is a YAML scalar, any other text a string."""
     name, separator, value = text.partition(":=")
     if not separator or not name:
         raise argparse.ArgumentTypeError(f"{text!r} must be name:=value")
@@ -76,7 +76,7 @@ def _scalar(text: str) -> bool | int | float | str:
         value = yaml.safe_load(text)
     except yaml.YAMLError:
         return text
-    if isinstance(value, str):  # YAML 1.1 wants a dot in 1e-3, ROS does not
+    if isinstance(value, str):  # YAML 1.1 requires a dot in 1e-3, ROS does not
         number = _number(value) if value == text.strip() else None
         return value if number is None else number
     return value if isinstance(value, (bool, int, float)) else text

@@ -71,7 +71,7 @@ class ReferenceMeasures:
                     self._noise_variance(gray, ref_H_cur))
 
     def _noise_variance(self, gray: Gray, ref_H_cur: Homography | None) -> FloatArray:
-        """At least the known share of noise after bilinear warping, which averages neighbours and so deceives the gauge."""
+        """At least the known share of noise after bilinear warping, whose averaging the gauge underestimates."""
         measured = np.full(len(self.points), self.gauge.sigma(gray) ** 2)
         if ref_H_cur is None:
             return measured

@@ -1,4 +1,4 @@
-"""`stab-ros compare`: methods and presets over the same frames, each alone, all judged by the one evaluator."""
+"""`stab-ros compare`: methods and presets over the same frames, each in its process, measured by one evaluator."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ RAW = "raw"
 
 @dataclass(frozen=True)
 class ComparisonJob:
-    """What to compare; `values` of the tracker and `judging` of the evaluator as `checked_values` gives them."""
+    """What to compare. values, judging: checked parameters of the tracker and of the evaluator."""
 
     source: Path
     methods: tuple[str, ...]
@@ -44,17 +44,17 @@ class ComparisonJob:
     fps: float | None = None
 
     def run_of(self, method: str) -> Run:
-        """The work of one method's process."""
+        """The task of the process of one method."""
         return Run(self.source, {**self.values, "method": method}, self.image_topic, self.limit, self.fps)
 
 
 def known_methods() -> tuple[str, ...]:
-    """Everything that `method:=` takes."""
+    """All values of the parameter `method`."""
     return (*METHODS, *PRESETS)
 
 
 def checked_methods(names: Sequence[str] | None) -> tuple[str, ...]:
-    """The names without repetition; None: all there are.
+    """The names without duplicates; all known methods for None.
 
     Raises:
         InputError: one of them is unknown.
@@ -68,7 +68,7 @@ def checked_methods(names: Sequence[str] | None) -> tuple[str, ...]:
 
 
 def shared_values(given: Mapping[str, object]) -> tuple[dict[str, Value], dict[str, Value]]:
-    """Parameters of all trackers and of the evaluator; a region is both's, `points_file` the trackers'.
+    """Parameters of the trackers and of the evaluator. Both get the regions; `points_file` is for the trackers.
 
     Raises:
         ConfigError: an unknown name, a wrong type, or out of range.
@@ -80,12 +80,12 @@ def shared_values(given: Mapping[str, object]) -> tuple[dict[str, Value], dict[s
 
 
 def compare(job: ComparisonJob, progress: Progress, compiling: Compiler = compile_kernels) -> Comparison:
-    """Does the job: reads the input once for itself, then once for each method.
+    """Compares the methods; reads the input once for the raw frames, then once for each method.
 
     compiling: compiles all kernels, before the first frame.
 
     Raises:
-        InputError: what was given cannot be used.
+        InputError: an argument or the input is unusable.
     """
     truth = Truth(job.truth) if job.truth else None
     make_evaluator(job.judging)  # refuses wrong settings before anything is read
@@ -106,7 +106,7 @@ def compare(job: ComparisonJob, progress: Progress, compiling: Compiler = compil
 
 
 class _MethodsProgress:
-    """Progress over the input and all methods."""
+    """Progress over the passes through the input: the raw frames, then each method."""
 
     def __init__(self, progress: Progress, frames: int | None, methods: int) -> None:
         self._progress = progress
@@ -115,7 +115,7 @@ class _MethodsProgress:
         self._done = 0
 
     def settle(self, frames: int) -> None:
-        """How many frames there really are."""
+        """Sets the true number of frames."""
         self._frames, self._done = frames, frames
 
     def one_more(self) -> None:
@@ -123,12 +123,12 @@ class _MethodsProgress:
         self._progress(self._done, self._frames and self._frames * self._passes)
 
     def skip_to(self, passes: int) -> None:
-        """What a method that failed has left undone is done with."""
+        """Counts the remaining frames of a failed method as done."""
         self._done = (self._frames or 0) * passes
 
 
 class _Judge:
-    """Measures what one method made of the frames, as they come."""
+    """Measures the frames that one method has stabilised, one after the other."""
 
     def __init__(self, evaluator: Evaluator, truth: Truth | None, fps: float) -> None:
         self._evaluator, self._truth, self._fps = evaluator, truth, fps
@@ -140,7 +140,7 @@ class _Judge:
         return len(self._passages)
 
     def add(self, step: Step) -> None:
-        """The next frame."""
+        """Measures the next frame."""
         track, steady = step.track, step.steady
         begins = track.tracked and (self._reference is None or track.reset_counter != self._reference[1])
         if begins:
@@ -156,7 +156,7 @@ class _Judge:
         return self._truth.error_px(number, self._reference[0], track.ref_H_cur, size)
 
     def result(self, name: str, peak_mb: int | None = None) -> MethodResult:
-        """When all have come."""
+        """The result, after the last frame."""
         evaluator, reference, evaluation = self._evaluator, self._evaluator.reference, None
         if reference is not None:
             evaluation = TopicEvaluation(name, reference, evaluator.points, evaluator.static, tuple(self._rows),
@@ -165,7 +165,7 @@ class _Judge:
 
 
 def _judge_raw(source: Source, job: ComparisonJob, judge: _Judge, counter: _MethodsProgress) -> MethodResult:
-    """The frames as they are, as if the camera had not moved."""
+    """Measures the raw frames, with the identity as their homography."""
     size: tuple[int, int] | None = None
     for number, picture in enumerate(source.frames(job.limit)):
         frame = picture.decoded if isinstance(picture.decoded, Frame) else None
@@ -181,14 +181,14 @@ def _unmoved(number: int, picture: Picture, frame: Frame | None) -> Step:
 
 
 def _judge_method(name: str, job: ComparisonJob, judge: _Judge, counter: _MethodsProgress) -> MethodResult:
-    ending: Finished | Failed = Failed("its process told nothing")
+    ending: Finished | Failed = Failed("its process sent nothing")
     with closing(steps_of(job.run_of(name))) as steps:
-        for told in steps:
-            if isinstance(told, Step):
-                judge.add(told)
+        for item in steps:
+            if isinstance(item, Step):
+                judge.add(item)
                 counter.one_more()
             else:
-                ending = told
+                ending = item
     counter.skip_to(job.methods.index(name) + 2)
     if isinstance(ending, Failed):
         after = f" (after {len(judge)} frames)" if len(judge) else ""
@@ -197,7 +197,7 @@ def _judge_method(name: str, job: ComparisonJob, judge: _Judge, counter: _Method
 
 
 def _sharing_reference(result: MethodResult, raw: MethodResult) -> MethodResult:
-    """One picture in memory for all methods that have the same reference."""
+    """The result with the reference of the raw frames where it is the same image, which saves memory."""
     mine, theirs = result.evaluation, raw.evaluation
     if mine is None or theirs is None or not np.array_equal(mine.reference.image, theirs.reference.image):
         return result
@@ -224,6 +224,6 @@ def _beyond(job: ComparisonJob, truth: Truth, frames: int) -> list[str]:
 
 
 def _other_references(results: Sequence[MethodResult]) -> list[str]:
-    """Methods whose displacements are against another picture than those of the others."""
+    """Warnings for the methods whose reference is not frame 0."""
     return [f"{result.name}: could not use frame 0, its reference is frame {result.reference}"
             for result in results if result.reference]

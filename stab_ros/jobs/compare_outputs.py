@@ -1,4 +1,4 @@
-"""What writes a comparison."""
+"""The writers of the files of a comparison."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from stab_ros.parameters.table import stabilizer_config
 
 
 def writers_of(comparison: Comparison, job: ComparisonJob, progress: Progress) -> Writers:
-    """Its JSON, CSV and report."""
+    """The writers of JSON, CSV and report."""
     return Writers(partial(write_json, comparison), partial(write_csv, comparison),
                    partial(_write_report, comparison, job, progress))
 

@@ -14,7 +14,7 @@ _GAP = "  "
 
 
 def as_text(comparison: Comparison) -> str:
-    """A line for the raw frames and one for each method; below them what failed."""
+    """One line for the raw frames and one for each method, then the methods that failed."""
     tree, of = as_json(comparison), columns(comparison.has_truth)
     rows = [["", *(one.head for one in of)], ["", *(one.below for one in of)], _row(RAW, tree["raw"], of)]
     rows += [_row(name, found, of) for name, found in tree["methods"].items() if not found["failure"]]
@@ -23,7 +23,7 @@ def as_text(comparison: Comparison) -> str:
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Cells below each other, the first of a row to the left, the others to the right."""
+    """Rows as lines of aligned columns, the first to the left, the others to the right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [_GAP.join([row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in
                                                    zip(row[1:], widths[1:], strict=True))]).rstrip() for row in rows]
@@ -34,7 +34,7 @@ def _row(name: str, found: Json, of: Sequence[Column]) -> list[str]:
 
 
 def written(value: float | None) -> str:
-    """A number for a table: whole ones as they are, others to three decimals, or two digits where that hides them."""
+    """A number for a table: integers unchanged, small values with two digits, others with three decimals."""
     if value is None:
         return "-"
     if isinstance(value, int):

@@ -1,4 +1,4 @@
-"""`stab-ros evaluate`: the evaluator over every frame of a recording, for each of its picture streams."""
+"""`stab-ros evaluate`: runs the evaluator on every frame of each image stream of a recording."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from stab_ros.jobs.stage import Stage
 from stab_ros.parameters.engines import make_evaluator
 
 __all__ = ["EvaluationJob", "TopicEvaluation", "evaluate"]
-_WAITING_BYTES = 1 << 30  # of pictures whose homographies come later in the recording
+_WAITING_BYTES = 1 << 30  # of images whose homographies come later in the recording
 
 
 @dataclass(frozen=True)
 class EvaluationJob:
-    """What to evaluate; `values` as `checked_values` gives them for EVALUATOR_PARAMETERS.
+    """What to evaluate. values: checked parameters of the evaluator.
 
-    image_topics: none: the one there is, or the stabilised one and the raw one beside it.
+    image_topics: empty for the only one, or for the stabilised and the raw one of a camera.
     """
 
     source: Path
@@ -41,12 +41,12 @@ class EvaluationJob:
 
 
 def evaluate(job: EvaluationJob, progress: Progress, compiling: Compiler = compile_kernels) -> Evaluation:
-    """Does the job.
+    """Evaluates the recording.
 
     compiling: compiles all kernels, before the first frame.
 
     Raises:
-        InputError: what was given cannot be used.
+        InputError: an argument or the input is unusable.
     """
     make_evaluator(job.values)  # refuses wrong settings before anything is read
     topics: list[TopicEvaluation] = []
@@ -75,7 +75,7 @@ class _StreamsProgress:
 
 
 class _Work:
-    """One stream through its evaluator; pictures that cannot be used are counted."""
+    """Runs one stream through its evaluator, and counts unusable images."""
 
     def __init__(self, stream: ImageStream, evaluator: Evaluator, counter: _StreamsProgress) -> None:
         self._stream = stream
@@ -101,14 +101,14 @@ class _Work:
         return found
 
     def run(self, job: EvaluationJob) -> TopicEvaluation:
-        """Reads here, measures on another thread, in order."""
+        """Reads on this thread and measures on another one, in order."""
         with Stage(self._step) as measuring:
             for item in self._stream.source.items(job.limit, self._stream.others):
                 measuring.put(item)
         for arrival in self._pairing.flush():
             self._measure(arrival)
         reference, config = self._evaluator.reference, self._evaluator.config
-        assert reference is not None  # a stream without one readable picture is an error of the source
+        assert reference is not None  # a source without a readable image raises
         return TopicEvaluation(
             self._stream.source.image_topic, reference, self._evaluator.points, self._evaluator.static,
             tuple(self._rows), config, config.fps or job.fps or self._stream.source.rate_hz())

@@ -1,4 +1,4 @@
-"""What writes an evaluation."""
+"""The writers of the files of an evaluation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from stab_ros.jobs.result_outputs import Writers
 
 
 def writers_of(evaluation: Evaluation, job: EvaluationJob, progress: Progress) -> Writers:
-    """Its JSON, CSV and report."""
+    """The writers of JSON, CSV and report."""
     return Writers(partial(write_json, evaluation), partial(write_csv, evaluation),
                    partial(_write_report, evaluation, job, progress))
 

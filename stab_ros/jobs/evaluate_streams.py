@@ -1,4 +1,4 @@
-"""Which streams of pictures a recording holds, and which homographies and reference belong to them."""
+"""The image streams of a recording, and the topics of their homographies and references."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _STABILIZED, _RAW = "image_stabilized", ("image_raw", "image_raw/compressed")
 
 @dataclass(frozen=True, eq=False)
 class ImageStream:
-    """One topic of pictures, and what belongs to it: the topics of its homographies and of its reference."""
+    """An image topic, and the topics of its homographies and of its reference."""
 
     source: Source
     homography: str | None = None
@@ -40,10 +40,10 @@ class ImageStream:
 
 @contextmanager
 def open_streams(path: Path, image_topics: Sequence[str], fps: float | None) -> Iterator[Sequence[ImageStream]]:
-    """The streams of an input; no `image_topics`: the one there is, or the raw and the stabilised one of a camera.
+    """Opens the streams of an input; empty `image_topics`: the only one, or the raw and the stabilised one of a camera.
 
     Raises:
-        InputError: the input is missing, is none of the kinds we read, or leaves a choice.
+        InputError: the input is missing, of an unknown kind, or ambiguous.
     """
     with ExitStack() as stack:
         if kind_of(path) is not Kind.BAG:
@@ -56,7 +56,7 @@ def open_streams(path: Path, image_topics: Sequence[str], fps: float | None) -> 
 
 
 def _stream(source: BagSource) -> ImageStream:
-    """Homographies belong to what they have brought in place, not to the raw pictures."""
+    """A stream with its topics; only a stabilised one has homographies and a reference."""
     namespace = namespace_of(source.topics[source.image_topic])
     if source.image_topic != f"{namespace}/{_STABILIZED}":
         return ImageStream(source)
@@ -68,10 +68,10 @@ def _stream(source: BagSource) -> ImageStream:
 
 
 def choose_topics(name: str, topics: Mapping[str, Topic], wanted: Sequence[str]) -> Sequence[str]:
-    """Which picture topics of a bag to evaluate, the raw one first.
+    """The image topics of a bag to evaluate, the raw one first.
 
     Raises:
-        InputError: there is none, or not the wanted one, or it takes a choice.
+        InputError: there is none, the wanted one is missing, or the choice is ambiguous.
     """
     images = sorted(topic.name for topic in topics.values() if topic.msgtype in IMAGE_TYPES)
     unknown = [topic for topic in wanted if topic not in images]
@@ -93,7 +93,7 @@ def _no_images(name: str) -> list[str]:
 
 
 def _raw_and_stabilized(filled: Sequence[str]) -> list[str] | None:
-    """The two streams of the one camera that was stabilised; None if there is another choice."""
+    """The raw and the stabilised topic of the only stabilised camera; None if the choice is ambiguous."""
     stabilized = [topic for topic in filled if topic.endswith(f"/{_STABILIZED}")]
     if len(stabilized) != 1:
         return None
@@ -104,7 +104,7 @@ def _raw_and_stabilized(filled: Sequence[str]) -> list[str] | None:
 
 
 def expected_pictures(streams: Sequence[ImageStream], limit: int | None) -> int | None:
-    """How many pictures all streams have together, at most `limit` each; None where an input does not say."""
+    """Number of images of all streams, at most `limit` of each; None if unknown."""
     counts = [stream.source.count if limit is None else min(stream.source.count or limit, limit) for stream in streams]
     known = [count for count in counts if count is not None]
     return sum(known) if len(known) == len(counts) else None

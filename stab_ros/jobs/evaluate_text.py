@@ -1,4 +1,4 @@
-"""What an evaluation found, as tables to read on a terminal."""
+"""An evaluation as tables for a terminal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _WORST = 5  # findings that are shown
 
 
 def as_text(evaluation: Evaluation) -> str:
-    """Metrics of all streams side by side, then frames, velocity field, points and findings of each."""
+    """The metrics of all streams side by side, then frames, velocity field, points and findings of each."""
     blocks = [_metrics_table(evaluation.topics)]
     for topic in evaluation.topics:
         blocks += [_frames_line(topic), *_svf_table(topic), *_points_table(topic), *_finding_lines(topic)]

@@ -1,4 +1,4 @@
-"""A recorded flight in, a stabilised bag out: the engine without a ROS graph, every frame processed, deterministic."""
+"""`stab-ros stabilize`: a recording into a stabilised bag, without ROS; processes every frame, deterministically."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from stab_ros.tracking.stabilizer import Stabilizer
 
 @dataclass(frozen=True)
 class Job:
-    """What to stabilise and what to write; `values` as `checked_values` gives them."""
+    """What to stabilise and what to write. values: checked parameters of the tracker."""
 
     source: Path
     output: Path
@@ -46,7 +46,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Stabilization:
-    """What came of a job; `warnings` says, one line each, what was lost on the way."""
+    """The result of a job. warnings: what was lost, one line each."""
 
     frames: int
     tracked: int
@@ -59,13 +59,13 @@ class Stabilization:
 
 
 def stabilize(job: Job, progress: Progress, compiling: Compiler = compile_kernels) -> Stabilization:
-    """Does the job.
+    """Stabilises the recording.
 
     compiling: compiles all kernels, before the first frame.
 
     Raises:
-        InputError: what was given cannot be used; nothing is left behind.
-        WorkError: work broke off; the readable part stays under its `.partial` name.
+        InputError: an argument or the input is unusable; no output remains.
+        WorkError: the work could not be finished; the readable part remains under its `.partial` name.
     """
     _check_outputs(job)
     with open_source(job.source, job.image_topic, job.fps) as source:
@@ -83,7 +83,7 @@ def stabilize(job: Job, progress: Progress, compiling: Compiler = compile_kernel
 
 
 def expected(count: int | None, limit: int | None) -> int | None:
-    """How many pictures there will be, of `count` in the input."""
+    """Number of images to process, of `count` in the input; None if unknown."""
     known = [number for number in (count, limit) if number is not None]
     return min(known, default=None)
 
@@ -100,7 +100,7 @@ def _check_outputs(job: Job) -> None:
 
 @contextmanager
 def _open_outputs(job: Job, source: Source, camera: Camera | None, window: Window) -> Iterator[Outputs]:
-    """Leaving on an error, the writers close first, so that what stays behind can be read."""
+    """Opens all writers. On an error they close first, so that the partial output is readable."""
     with ExitStack() as stack:
         writer = stack.enter_context(BagWriter(job.output, overwrite=job.force))
         table_path = stack.enter_context(completed(job.homographies)) if job.homographies else None
@@ -123,7 +123,7 @@ def _unused(source: Source, counts: Counts) -> list[str]:
 
 
 def _remarks(source: Source, stabilizer: Stabilizer) -> list[str]:
-    """What the stabilizer doubts of its own answers."""
+    """The ambiguities that the stabilizer reports about its tracks."""
     return [f"{source.name}: {remark}" for remark in (stabilizer.rival, stabilizer.relief) if remark is not None]
 
 

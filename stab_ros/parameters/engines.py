@@ -1,4 +1,4 @@
-"""The one way to an engine from parameters, for nodes and commands alike."""
+"""Makes engines from parameters, for both nodes and commands."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ __all__ = ["EVALUATOR", "TRACKER", "make_evaluator", "make_stabilizer", "read_co
 
 
 def make_stabilizer(values: Mapping[str, Value], camera: Camera | None = None) -> Stabilizer:
-    """An engine with the defaults overridden by `values`.
+    """A stabilizer with the defaults overridden by `values`.
 
     Raises:
-        InputError: a value, a region or the points are wrong.
+        InputError: a value, a region or the points are invalid.
     """
     return Stabilizer(stabilizer_config(values), read_area(values), camera, read_tracking_points(values),
                       read_static_map(values))
 
 
 def reconfigure(stabilizer: Stabilizer, values: Mapping[str, Value]) -> None:
-    """The engine's settings as `make_stabilizer` would make them; unchanged if that fails.
+    """Changes the settings to those that `make_stabilizer` would use; unchanged on an error.
 
     Raises:
-        InputError: a value, a region or the points are wrong, or do not fit the reference.
+        InputError: a value, a region or the points are invalid, or do not fit the reference.
     """
     stabilizer.reconfigure(stabilizer_config(values), read_area(values), read_tracking_points(values))
 
@@ -41,7 +41,7 @@ def make_evaluator(values: Mapping[str, Value]) -> Evaluator:
     """An evaluator with the defaults overridden by `values`.
 
     Raises:
-        InputError: a value, a region or the file of points is wrong.
+        InputError: a value, a region or the file of points is invalid.
     """
     points_file = values.get("points_file", "")
     points = read_points(Path(str(points_file))) if points_file else ()

@@ -21,16 +21,16 @@ _OF_THE_NODES = frozenset(name for settings in (TrackerSettings, EvaluatorSettin
                           for name, _, _ in settings_of(settings))
 _OF_ROS, _QOS = "use_sim_time", "qos_overrides."
 _OF_ALL_NODES = ("/**", "/*")
-_CONFIG_LIMIT = 2**17  # characters of a parameter file: pure Python reads 100,000 a second
+_CONFIG_LIMIT = 2**17  # characters of a parameter file; PyYAML reads 100,000 a second
 
 
 def read_config(path: Path, node: str = TRACKER) -> dict[str, Value]:
-    """The parameters of `node` in a ROS parameter file: every `ros__parameters` under `/**` or a name of that node.
+    """The engine's parameters of `node` in a ROS parameter file: every `ros__parameters` under `/**` or that node.
 
-    Under `/**` may also stand what another node of ours knows.
+    Parameters of the other node's engine are skipped under `/**`, those of the nodes themselves everywhere.
 
     Raises:
-        InputError: the file is missing, no ROS parameter file or for other nodes, or a parameter in it is wrong.
+        InputError: the file is missing, is no ROS parameter file, is for other nodes, or has an invalid parameter.
     """
     nodes = list(_nodes(_document(path)))
     if not nodes:
@@ -48,7 +48,7 @@ def read_config(path: Path, node: str = TRACKER) -> dict[str, Value]:
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML without aliases, as ROS has it: a few lines of them can stand for billions of values."""
+    """YAML without aliases, as in ROS: a few lines of aliases can expand to billions of values."""
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         if self.check_event(yaml.AliasEvent):
@@ -57,7 +57,7 @@ class _Loader(yaml.SafeLoader):
 
 
 def _integer(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int:
-    """Python's are endless, and slow to print."""
+    """An integer of 64 bits; larger ones are slow to print."""
     value: int = loader.construct_yaml_int(node)
     if not -(2**63) <= value < 2**63:
         raise yaml.YAMLError(f"line {node.start_mark.line + 1}: a number does not fit 64 bits")
@@ -68,7 +68,7 @@ _Loader.add_constructor("tag:yaml.org,2002:int", _integer)
 
 
 def _document(path: Path) -> object:
-    """What the file holds."""
+    """The content of the file."""
     try:
         with path.open(encoding="utf-8") as file:
             text = file.read(_CONFIG_LIMIT + 1)
@@ -76,12 +76,12 @@ def _document(path: Path) -> object:
             raise ValueError(f"more than {_CONFIG_LIMIT} characters")
         return yaml.load(text, _Loader)
     except (OSError, ValueError, LookupError, AttributeError, TypeError, OverflowError, RecursionError,
-            yaml.YAMLError) as error:  # a value that is not of its tag raises nearly anything
+            yaml.YAMLError) as error:  # a value that contradicts its tag raises almost any of these
         raise InputError(f"{path}: not a readable YAML file ({one_line(error)[:500]})") from error
 
 
 def _is_foreign(name: str, node: str) -> bool:
-    """Whether only another node knows the parameter."""
+    """Whether only the engine of another node has the parameter."""
     tables: Mapping[str, Table] = _TABLES
     return name not in tables[node] and any(name in table for table in tables.values())
 
@@ -91,7 +91,7 @@ def _is_of_an_engine(name: str) -> bool:
 
 
 def _nodes(tree: object, name: str = "") -> Iterator[tuple[str, object]]:
-    """Full name and `ros__parameters` of every node; namespaces may be part of a key or nest."""
+    """Full name and `ros__parameters` of every node; a namespace may be part of a key, or a level of its own."""
     for key, value in tree.items() if isinstance(tree, dict) else ():
         if key == "ros__parameters":
             yield name, value
@@ -100,7 +100,7 @@ def _nodes(tree: object, name: str = "") -> Iterator[tuple[str, object]]:
 
 
 def _flat(path: Path, tree: object, prefix: str = "") -> dict[str, object]:
-    """Nested parameters by their full names, `direct: {patches: 300}` as `direct.patches`."""
+    """Nested parameters under their full names: `direct: {patches: 300}` becomes `direct.patches`."""
     if not isinstance(tree, dict):
         raise InputError(f"{path}: ros__parameters must hold 'name: value' pairs")
     flat: dict[str, object] = {}

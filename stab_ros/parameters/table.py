@@ -1,4 +1,4 @@
-"""All parameters of the engines by name, as ROS nodes and the command line's `-p name:=value` know them."""
+"""All parameters of the engines by name, for ROS nodes and for `-p name:=value` on the command line."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from stab_ros.tracking.stabilizer import StabilizerConfig
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter's name, its default (which gives its type) and what it accepts."""
+    """Name, default (which sets the type) and accepted values of a parameter."""
 
     name: str
     default: Value
@@ -28,7 +28,7 @@ _REGION = 'JSON [[[x, y], ...], ...] in reference pixels, or the path of a .json
 
 
 def parameters_of(config: type[Any], prefix: str = "") -> Iterator[Parameter]:
-    """The parameters that the fields of a settings dataclass stand for."""
+    """One parameter for each field of a settings dataclass."""
     for name, default, limits in settings_of(config):
         yield Parameter(prefix + name, default, limits)
 
@@ -73,7 +73,7 @@ EVALUATOR_PARAMETERS: Table = {parameter.name: parameter for parameter in _of_th
 
 
 def checked_values(values: Mapping[str, object], table: Table = PARAMETERS) -> dict[str, Value]:
-    """`values` with the types of `table`.
+    """`values` converted to the types of `table`.
 
     Raises:
         ConfigError: an unknown name, a wrong type, or out of range.
@@ -92,13 +92,13 @@ def _checked(name: str, value: object, table: Table) -> Value:
 
 
 def resolved(values: Mapping[str, Value]) -> dict[str, Value]:
-    """`values` with those of the preset that `method` names below them, and the preset's method in its place."""
+    """`values` over those of the preset that `method` names, and with the method of the preset."""
     preset = PRESETS.get(str(values.get("method", "")))
     return dict(values) if preset is None else {**preset, **values, "method": preset["method"]}
 
 
 def table_with_preset(method: object) -> Table:
-    """PARAMETERS with the defaults that a preset of this name gives them; as they are for any other name."""
+    """PARAMETERS with the defaults of the preset `method`; unchanged for any other name."""
     if not isinstance(method, str) or method not in PRESETS:
         return PARAMETERS
     defaults = checked_values({**PRESETS[method], "method": method})
@@ -106,7 +106,7 @@ def table_with_preset(method: object) -> Table:
 
 
 def check_change(old: Mapping[str, Value], changed: Mapping[str, Value]) -> None:
-    """Raises ConfigError for another preset: its values are defaults, and all parameters have theirs once we run."""
+    """Raises ConfigError for a change of preset: a preset sets defaults, which a running engine has already."""
     method = changed.get("method")
     if method in PRESETS and method != old.get("method"):
         raise ConfigError(f"method: the preset {method} can only be chosen at the start; "
@@ -114,7 +114,7 @@ def check_change(old: Mapping[str, Value], changed: Mapping[str, Value]) -> None
 
 
 def stabilizer_config(values: Mapping[str, Value]) -> StabilizerConfig:
-    """The engine's settings: defaults, overridden by a preset, overridden by `values` (checked ones).
+    """The settings of the stabilizer: defaults, overridden by a preset, overridden by `values`.
 
     Raises:
         ConfigError: as `checked_values`.
@@ -129,7 +129,7 @@ def stabilizer_config(values: Mapping[str, Value]) -> StabilizerConfig:
 
 
 def evaluator_config(values: Mapping[str, Value]) -> EvaluatorConfig:
-    """The evaluator's settings: defaults, overridden by `values` (checked ones).
+    """The settings of the evaluator: defaults, overridden by `values`.
 
     Raises:
         ConfigError: as `checked_values`, or settings that contradict each other.
