@@ -10,9 +10,8 @@ from collections.abc import Iterable, Mapping
 from stab_ros.core.settings import Range, Value
 from stab_ros.nodes.bag_player_node import PlayerSettings
 from stab_ros.nodes.bag_recorder_node import RecorderSettings
-from stab_ros.nodes.evaluator_node import EvaluatorSettings
 from stab_ros.nodes.params import table_of
-from stab_ros.nodes.tracker_node import TrackerSettings
+from stab_ros.parameters.node_settings import EvaluatorSettings, TrackerSettings
 from stab_ros.parameters.presets import PRESETS
 from stab_ros.parameters.table import EVALUATOR_PARAMETERS, PARAMETERS, Parameter
 

@@ -1,25 +1,39 @@
-"""How the command line reads its options."""
+"""The options of the command line, and how their values are read."""
 
 from __future__ import annotations
 
 import argparse
 import math
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import yaml
 
 from stab_ros.core.text import one_line
 
+BAG = "an .mcap, a rosbag2 folder or a ROS 1 .bag"
+INPUT = "an .mcap, a rosbag2 folder, a ROS 1 .bag, a video or a folder of images"
+
 
 class Parser(argparse.ArgumentParser):
-    """Says in one line what is wrong with the usage, exit code 2."""
+    """A parser that reports a usage error in one line, exit code 2."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {one_line(message)}; see {self.prog} --help\n")
 
 
+def command(commands: Any, name: str, does: str) -> argparse.ArgumentParser:
+    """The parser of a new command of `commands`; `does` is its help text."""
+    parser: argparse.ArgumentParser = commands.add_parser(name, help=does, description=f"{does[0].upper()}{does[1:]}.")
+    return parser
+
+
+def add_force(parser: argparse.ArgumentParser) -> None:
+    """The option --force."""
+    parser.add_argument("--force", action="store_true", help="overwrite output that exists")
+
+
 def positive_int(text: str) -> int:
-    """For argparse: a whole number above 0."""
+    """For argparse: an integer above 0."""
     if not text.isdecimal() or int(text) == 0:
         raise argparse.ArgumentTypeError(f"{text!r} must be a whole number above 0")
     return int(text)
@@ -42,7 +56,7 @@ def seconds(text: str) -> float:
 
 
 def names(text: str) -> tuple[str, ...]:
-    """For argparse: names between commas, at least one."""
+    """For argparse: at least one name, separated by commas."""
     found = tuple(name.strip() for name in text.split(","))
     if not all(found):
         raise argparse.ArgumentTypeError(f"{text!r} must be names between commas, as in direct,klt")
@@ -50,7 +64,7 @@ def names(text: str) -> tuple[str, ...]:
 
 
 def assignment(text: str) -> tuple[str, object]:
-    """`name:=value`, as ROS reads it: the value is a YAML scalar; anything else is taken as it stands, a string."""
+    """For argparse: `name:=value` as in ROS; the value is a YAML scalar, any other text a string."""
     name, separator, value = text.partition(":=")
     if not separator or not name:
         raise argparse.ArgumentTypeError(f"{text!r} must be name:=value")
@@ -62,7 +76,7 @@ def _scalar(text: str) -> bool | int | float | str:
         value = yaml.safe_load(text)
     except yaml.YAMLError:
         return text
-    if isinstance(value, str):  # YAML 1.1 wants a dot in 1e-3, ROS does not
+    if isinstance(value, str):  # YAML 1.1 requires a dot in 1e-3, ROS does not
         number = _number(value) if value == text.strip() else None
         return value if number is None else number
     return value if isinstance(value, (bool, int, float)) else text

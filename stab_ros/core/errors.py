@@ -1,16 +1,16 @@
-"""The one error tree: misuse and broken input raise, expected failure (a lost frame) is a value.
+"""All exceptions of the package. Misuse and broken input raise; an expected failure, such as a lost frame, is a value.
 
-Every message is one line that says what is wrong and what would be right. It is caught once per process, in
-`stab_ros.cli.main` and in the `main` of each node.
+Every message is one line: what is wrong, and what would be right. Each process catches these errors in one place,
+`stab_ros.cli.main` or the `main` of a node.
 """
 
 
 class StabRosError(Exception):
-    """Root of all errors that stab_ros raises on purpose; anything else that escapes is a bug."""
+    """Base class of all errors that stab_ros raises on purpose; any other exception is a bug."""
 
 
 class InputError(StabRosError):
-    """What the user gave cannot be used (file, topic, parameter, polygon): exit code 2."""
+    """Unusable input of the user, such as a file, topic, parameter or polygon; exit code 2."""
 
 
 class ConfigError(InputError):
@@ -18,8 +18,8 @@ class ConfigError(InputError):
 
 
 class MessageError(InputError):
-    """A message is not what its type claims (size, step, encoding): drop it, count it, go on."""
+    """A message that contradicts its type (size, step, encoding); the receiver drops and counts it."""
 
 
 class WorkError(StabRosError):
-    """Work broke off half way (disk full, output folder gone): exit code 1."""
+    """Work that could not be finished (disk full, output folder gone); exit code 1."""

@@ -1,13 +1,13 @@
-"""Settings as frozen dataclasses: default, range and meaning of a parameter stand once, at its field.
+"""Settings as frozen dataclasses: the field of a parameter holds its default, its range and its description.
 
-The node declares its ROS parameters from these fields, the command line checks `-p name:=value` against them.
+The nodes declare their ROS parameters from these fields; the command line checks `-p name:=value` against them.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import difflib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -20,7 +20,7 @@ Value: TypeAlias = bool | int | float | str
 
 @dataclass(frozen=True)
 class Range:
-    """What a field accepts, and what it means (the ROS parameter descriptor is made from this)."""
+    """The values that a field accepts, and its description; the source of the ROS parameter descriptor."""
 
     doc: str
     low: float | None = None
@@ -43,7 +43,7 @@ def settings_of(config: Any) -> Iterator[tuple[str, Value, Range]]:
 
 
 def checked(name: str, value: Value, default: Value, limits: Range) -> Value:
-    """`value` as the type of `default`, within `limits`.
+    """`value` converted to the type of `default`, after a check against `limits`.
 
     Raises:
         ConfigError: wrong type, out of range, or not one of the choices.
@@ -55,9 +55,9 @@ def checked(name: str, value: Value, default: Value, limits: Range) -> Value:
     if type(value) is not type(default):
         raise ConfigError(f"{name}: {value!r} is a {type(value).__name__}, it must be a {type(default).__name__}")
     if limits.choices and value not in limits.choices:
-        near = difflib.get_close_matches(str(value), limits.choices, n=3)
-        meant = f"did you mean {' or '.join(near)}? It" if near else "it"
-        raise ConfigError(f"{name}: {value!r} is unknown, {meant} must be one of {', '.join(limits.choices)}")
+        meant = did_you_mean(str(value), limits.choices)
+        must = f"{meant} It must" if meant else "it must"
+        raise ConfigError(f"{name}: {value!r} is unknown, {must} be one of {', '.join(limits.choices)}")
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         low = float("-inf") if limits.low is None else limits.low
         high = float("inf") if limits.high is None else limits.high
@@ -66,8 +66,15 @@ def checked(name: str, value: Value, default: Value, limits: Range) -> Value:
     return value
 
 
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A question that names up to three of the known names, the closest to `name` first; "" where none is close."""
+    near = difflib.get_close_matches(name, list(known), n=3)
+    listed = " or ".join([", ".join(near[:-1]), near[-1]] if len(near) > 1 else near)
+    return f"did you mean {listed}?" if near else ""
+
+
 class Checked:
-    """Base of all settings: validates every field on construction."""
+    """Base class of all settings: validates every field on construction."""
 
     def __post_init__(self) -> None:
         for name, default, limits in settings_of(self):

@@ -9,7 +9,6 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Sequence
-from importlib import import_module
 from pathlib import Path
 
 from stab_ros.cli.options import Parser, positive_float
@@ -17,9 +16,9 @@ from stab_ros.core.errors import InputError, StabRosError, WorkError
 from stab_ros.core.text import one_line
 from stab_ros.demo.replay import Replay, replay
 from stab_ros.demo.stages import stage
-from stab_ros.demo.verdict import Files, Verdict, reach
+from stab_ros.demo.verdict import DemoResult, Files, reach
 from stab_ros.io.homographies import read_homographies
-from stab_ros.jobs.compiling import compile_shown
+from stab_ros.jobs.compiling import compile_all
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample.mcap"
 TRUTH = SAMPLE.with_name("sample_truth.csv")
@@ -48,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
 
 
-def run(folder: Path, rate: float) -> Verdict:
+def run(folder: Path, rate: float) -> DemoResult:
     """Everything, into `folder`.
 
     Raises:
@@ -72,9 +71,8 @@ def run(folder: Path, rate: float) -> Verdict:
 
 
 def _compile() -> str:
-    """Before the nodes start, each of which would else do it on its own."""
-    import_module("stab_ros.parameters.engines")  # which needs all of them
-    done = compile_shown()
+    """Before the nodes start, each of which would otherwise compile on its own."""
+    done = compile_all()
     return f"{done.total} kernels, {done.compiled} of them new"
 
 
@@ -86,7 +84,7 @@ def _replay(job: Replay) -> tuple[str, str]:
         return "broke off", str(error)
 
 
-def _tell(verdict: Verdict) -> int:
+def _tell(verdict: DemoResult) -> int:
     print(f"\n{verdict.text()}\n", flush=True)
     for failure in verdict.failures:
         _say(failure)

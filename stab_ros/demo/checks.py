@@ -11,7 +11,7 @@ import numpy as np
 
 from stab_ros.demo.command import Apart
 from stab_ros.demo.judgement import Judgement
-from stab_ros.demo.result import Answers, Result
+from stab_ros.demo.result import Answers, ReplayResult
 
 # The README's promise, and five times as much for a single frame: 3 mm on the ground of the sample, which no
 # measurement of its water notices. A frame that is registered wrongly is off by far more.
@@ -33,7 +33,7 @@ class Check:
         return f"{'NO ' if self.failure else 'yes'}  {self.promise:<64}{self.found}"
 
 
-def checks(result: Result, answers: Answers, command: Apart, folder: Path) -> Iterator[Check]:
+def checks(result: ReplayResult, answers: Answers, command: Apart, folder: Path) -> Iterator[Check]:
     """Of the tracker."""
     log = folder / "log"
     yield _answered(result, log)
@@ -55,20 +55,20 @@ def judging_check(judgement: Judgement, log: Path) -> Check:
     return Check(f"live measures are those of `stab-ros evaluate`, to {_SAME:g}", f"{apart:g} apart", failure)
 
 
-def _answered(result: Result, log: Path) -> Check:
+def _answered(result: ReplayResult, log: Path) -> Check:
     failure = (f"{frames_text(result.unanswered)} got no answer: the tracker sent no homography for them, or it did "
                f"not arrive; {log / 'tracker_node.txt'} and {log / 'bag_recorder_node.txt'} may say why")
     return Check("every frame is answered with its homography", f"{result.answered} of {result.frames}",
                  failure if result.unanswered else "")
 
 
-def _tracked(result: Result, log: Path) -> Check:
+def _tracked(result: ReplayResult, log: Path) -> Check:
     failure = (f"{frames_text(result.lost)} could not be tracked: the ground of the first frame was not found "
                f"there; {log / 'tracker_node.txt'} may say why, `make test` shows whether the methods work here")
     return Check("every frame is tracked", f"{result.tracked} of {result.frames}", failure if result.lost else "")
 
 
-def _errors(result: Result, folder: Path) -> Iterator[Check]:
+def _errors(result: ReplayResult, folder: Path) -> Iterator[Check]:
     """Nothing to compare is the failure of the checks before."""
     if not len(result.error_px):
         return
@@ -86,7 +86,7 @@ def _errors(result: Result, folder: Path) -> Iterator[Check]:
                 too_far if beyond else "")
 
 
-def _pictures(result: Result, log: Path) -> Check:
+def _pictures(result: ReplayResult, log: Path) -> Check:
     failure = (f"{frames_text(result.without_picture)} came out without a picture, though tracked and after the "
                f"start; {log / 'tracker_node.txt'} and {log / 'bag_recorder_node.txt'} may say why")
     expected, missing = len(result.at_once), len(result.without_picture)

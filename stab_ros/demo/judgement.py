@@ -13,9 +13,10 @@ from stab_ros.core.text import number
 from stab_ros.demo.replay import METRICS, RAW, STABILIZED
 from stab_ros.demo.stages import bar
 from stab_ros.evaluation.frame_metrics import UNITS
+from stab_ros.evaluation.results import Evaluation, TopicEvaluation
 from stab_ros.io.bag import open_bag
 from stab_ros.io.messages import read_stamp, read_values
-from stab_ros.jobs.evaluate import Evaluation, EvaluationJob, TopicEvaluation, evaluate
+from stab_ros.jobs.evaluate import EvaluationJob, evaluate
 from stab_ros.jobs.evaluate_outputs import writers_of
 from stab_ros.jobs.result_outputs import ResultOutputs
 

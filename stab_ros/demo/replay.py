@@ -71,7 +71,7 @@ def replay(job: Replay) -> int:
         # recorder and `answers` must not miss a frame: the evaluator waits for both, and the tracker for all three
         evaluator = stack.enter_context(started(
             EVALUATOR, job.log, {**job.judging, "wait_for_subscribers": 2}, "__ns:=/camera", "~/metrics:=metrics"))
-        answers = stack.enter_context(_Answers.subscribed())
+        answers = stack.enter_context(_Listener.subscribed())
         player = stack.enter_context(started(
             PLAYER, job.log, {"bag": str(job.recording), "rate": job.rate, "wait_for_subscribers": 2}))
         answers.wait_for(job.frames, player, (recorder, tracker, evaluator))
@@ -91,7 +91,7 @@ def _prepare(log: Path) -> None:
                       ROS_LOG_DIR=str(log.resolve()))
 
 
-class _Answers:
+class _Listener:
     """Counts the homographies and the metrics as they come, and hears what the nodes say of themselves."""
 
     def __init__(self, executor: SingleThreadedExecutor) -> None:
@@ -106,7 +106,7 @@ class _Answers:
 
     @classmethod
     @contextmanager
-    def subscribed(cls) -> Iterator[_Answers]:
+    def subscribed(cls) -> Iterator[_Listener]:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         node, executor = rclpy.create_node("demo"), SingleThreadedExecutor()
         try:

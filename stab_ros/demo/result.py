@@ -30,7 +30,7 @@ class Answers:
 
 
 @dataclass(frozen=True, eq=False)
-class Result:
+class ReplayResult:
     """What became of the frames, by their numbers; errors in px, RMS over the 9x9 grid, of those that are compared.
 
     late: those that the start answers late, without a picture. at_once: tracked, and not late; they have pictures, but
@@ -94,14 +94,14 @@ def read_answers(path: Path) -> Answers:
     return Answers(homographies, tracks, frozenset(images), size)
 
 
-def compare(truth: Sequence[HomographyRow], answers: Answers) -> Result:
+def compare(truth: Sequence[HomographyRow], answers: Answers) -> ReplayResult:
     """Joined by stamp; the reference frame itself has no error and does not count."""
     found, size = answers.homographies, answers.size
     known = [(row.frame, row.ref_H_cur, ref_H_cur) for row in truth[1:]
              if row.ref_H_cur is not None and (ref_H_cur := found.get(row.stamp_ns)) is not None]
     late = [row.frame for row in truth if _is_late(row, truth[0], answers)]
     at_once = [row for row in truth if found.get(row.stamp_ns) is not None and row.frame not in late]
-    return Result(
+    return ReplayResult(
         frames=len(truth),
         late=late,
         unanswered=[row.frame for row in truth if row.stamp_ns not in found],

@@ -14,18 +14,18 @@ from stab_ros.jobs.progress_bar import make_bar
 
 
 @dataclass
-class Stage:
+class StageReport:
     """outcome: what came of it, once that is known."""
 
     outcome: str = "done"
 
 
 @contextmanager
-def stage(name: str, doing: str) -> Iterator[Stage]:
+def stage(name: str, doing: str) -> Iterator[StageReport]:
     """Tells that a stage begins, and how it ends unless an error ends it."""
     started_s = time.monotonic()
     _say(name, f"{doing} ...")
-    current = Stage()
+    current = StageReport()
     yield current
     _say(name, f"{current.outcome}  {time.monotonic() - started_s:.1f} s")
 

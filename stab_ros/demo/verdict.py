@@ -13,7 +13,7 @@ from stab_ros.demo.checks import Check, checks, judging_check
 from stab_ros.demo.command import apart, as_command
 from stab_ros.demo.judgement import Judgement, judge
 from stab_ros.demo.pictures import show
-from stab_ros.demo.result import Result, compare, read_answers, write_table
+from stab_ros.demo.result import ReplayResult, compare, read_answers, write_table
 from stab_ros.io.homographies import HomographyRow
 
 
@@ -54,11 +54,11 @@ class Files:
 
 
 @dataclass(frozen=True, eq=False)
-class Verdict:
+class DemoResult:
     """broken: what else went wrong, one line each."""
 
     files: Files
-    result: Result
+    result: ReplayResult
     judgement: Judgement | None
     checks: Sequence[Check]
     broken: Sequence[str]
@@ -85,7 +85,7 @@ class Verdict:
 
 
 def reach(recording: Path, truth: Sequence[HomographyRow], files: Files, judging: Mapping[str, Value],
-          broken: str) -> Verdict:
+          broken: str) -> DemoResult:
     """Judges what was recorded; what cannot be made because of what is missing in it is told, and the rest is made.
 
     judging: parameters of the evaluator. broken: why the replay broke off; empty if it did not.
@@ -103,7 +103,7 @@ def reach(recording: Path, truth: Sequence[HomographyRow], files: Files, judging
     with _noted(troubles):
         judgement = judge(files.bag, files.report.parent, judging)
         found.append(judging_check(judgement, files.log))
-    verdict = Verdict(files, result, judgement, found, troubles)
+    verdict = DemoResult(files, result, judgement, found, troubles)
     lines = [result.text(), "", *(check.text() for check in found), "", *verdict.failures]
     files.errors.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return verdict

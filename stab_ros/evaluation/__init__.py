@@ -1,1 +1,1 @@
-"""The evaluator: how still a stabilised stream stands, frame by frame."""
+"""Evaluation of a stabilised stream: the residual motion of every frame, and its statistics."""

@@ -1,4 +1,4 @@
-"""How still a stabilised stream stands: the one engine behind the evaluator node and `stab-ros evaluate`.
+"""Residual motion of a stabilised stream: the engine of both the evaluator node and `stab-ros evaluate`.
 
 Ljubicic et al. 2021, section 2.5 (RMSD, displacement, velocity fields) and Zhang et al. 2023, section 2.3 (RMSE).
 """
@@ -10,53 +10,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stab_ros.core.errors import ConfigError, InputError
+from stab_ros.core.errors import InputError
 from stab_ros.core.region import Area
-from stab_ros.core.settings import Checked, setting
 from stab_ros.core.types import BoolArray, FloatArray, Frame, Homography
 from stab_ros.evaluation.frame_metrics import FrameMetrics, Outcome
-from stab_ros.evaluation.reference_measures import NamedPoint, ReferenceMeasures, View, measures_of
+from stab_ros.evaluation.reference_measures import ReferenceMeasures, View, measures_of
+from stab_ros.evaluation.settings import EvaluatorConfig, NamedPoint
 from stab_ros.metrics.comparison import PointComparison
 from stab_ros.metrics.homologous import Rmse
 from stab_ros.metrics.static_points import StaticPoints
 from stab_ros.metrics.verification import VerificationPoint
 
-
-@dataclass(frozen=True)
-class EvaluatorConfig(Checked):
-    """What is measured, and from where on it is reported as a problem."""
-
-    points: int = setting(12, "verification points that are chosen in the reference", 1, 100)
-    window_px: int = setting(31, "width of the RMSD windows, px, odd; 0: chosen by R^2 of d(RMSD)", 0, 201)
-    rmse_every: int = setting(10, "RMSE of homologous points and velocity field: on the frame after the reference and "
-                              "on every so many-th", 1, 100000)
-    svf_columns: int = setting(4, "sub-regions of the velocity field beside each other", 1, 50)
-    svf_rows: int = setting(3, "sub-regions of the velocity field above each other", 1, 50)
-    gsd_m: float = setting(0.0, "ground sampling distance, m a pixel; 0: unknown, nothing is told in metres", 0.0, 1e3)
-    fps: float = setting(0.0, "frames per second for velocities; 0: from the stamps", 0.0, 1e4)
-    displacement_warn_px: float = setting(0.5, "displacement from which a frame is WARN, px", 0.0, 1e3)
-    displacement_error_px: float = setting(2.0, "displacement from which a frame is ERROR, px", 0.0, 1e3)
-    rmse_warn_px: float = setting(0.5, "RMSE of homologous points from which a frame is WARN, px", 0.0, 1e3)
-    rmse_error_px: float = setting(2.0, "RMSE of homologous points from which a frame is ERROR, px", 0.0, 1e3)
-    brightness_warn: float = setting(0.03, "relative change of brightness from which a frame is WARN", 0.0, 10.0)
-    frozen_frames: int = setting(3, "repeated pictures in a row from which the stream counts as frozen", 1, 100000)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.window_px and not (self.window_px % 2 and self.window_px >= 5):
-            raise ConfigError(f"window_px: {self.window_px} must be odd and at least 5, or 0 to have it chosen")
-        for name in ("displacement", "rmse"):
-            warn, error = (getattr(self, f"{name}_{level}_px") for level in ("warn", "error"))
-            if warn > error:
-                raise ConfigError(f"{name}_warn_px: {warn:g} must not lie above {name}_error_px, which is {error:g}")
+__all__ = ["Arrival", "Evaluator", "EvaluatorConfig"]
 
 
 @dataclass(frozen=True, eq=False)
 class Arrival:
-    """What has come of one frame. index: its number in the stream. frame: its stabilised picture, if any.
+    """One frame as the evaluator receives it. index: its number in the stream. frame: its stabilised image, if any.
 
-    ref_H_cur: None where it was lost, or where no homography came with it. reference_size: width and height, px, of the
-    reference that the homography is for; None: not known.
+    ref_H_cur: None where the frame was lost or has no homography. reference_size: width and height, px, of
+    the reference of the homography; None: unknown.
     """
 
     index: int
@@ -69,7 +42,7 @@ class Arrival:
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """The last picture. repeats: how many before it in a row were the same."""
+    """The last image. repeats: number of identical images directly before it."""
 
     arrival: Arrival
     view: View
@@ -77,67 +50,67 @@ class _Seen:
 
 
 class Evaluator:
-    """Measures one frame after the other against the reference, which is the first unless one was given."""
+    """Measures every frame against the reference: the one given, else the first frame."""
 
     def __init__(self, config: EvaluatorConfig, named_points: Sequence[NamedPoint] = (),
                  area: Area | None = None) -> None:
         self.config = config
         self._named_points = tuple(named_points)
         self._area = area or Area()
-        self._scene: ReferenceMeasures | None = None
+        self._measures: ReferenceMeasures | None = None
         self._static = StaticPoints(np.empty((0, 2), np.int64))
-        self._awaited_ns: int | None = None  # the reference's stamp, until its own frame has come
+        self._awaited_ns: int | None = None  # stamp of the reference, until its frame arrives
         self._previous: _Seen | None = None
         self._measured = 0
 
     @property
     def reference(self) -> Frame | None:
-        return self._scene.frame if self._scene else None
+        return self._measures.frame if self._measures else None
 
     @property
     def points(self) -> tuple[VerificationPoint, ...]:
-        return self._scene.points if self._scene else ()
+        return self._measures.points if self._measures else ()
 
     @property
     def static(self) -> BoolArray:
-        """(P,) bool: which of `points` have gone with the others so far."""
+        """(P,) bool: which of `points` have moved together with the majority so far."""
         return self._static.static
 
     @property
     def check_is_due(self) -> bool:
-        """Whether the next frame to be measured is one for the RMSE of homologous points and the velocity field."""
+        """Whether the RMSE of homologous points and the velocity field are due at the next measured frame."""
         number = self._measured + 1
         return number == 1 or number % self.config.rmse_every == 0
 
     def reconfigure(self, config: EvaluatorConfig) -> None:
-        """Puts thresholds and scales into force; what was prepared from the reference stays as it is."""
+        """Applies new thresholds and scales; everything computed from the reference stays as it is."""
         self.config = config
 
     def use_reference(self, frame: Frame) -> None:
-        """Measures against this picture from now on.
+        """Makes this frame the reference.
 
         Raises:
-            InputError: a region or a point that the user gave does not fit it.
+            InputError: a region or a point of the user does not fit it.
         """
-        if self._scene is not None and frame.stamp_ns == self._scene.frame.stamp_ns:
+        if self._measures is not None and frame.stamp_ns == self._measures.frame.stamp_ns:
             return
-        self._scene = measures_of(frame, self.config, self._named_points, self._area)
-        self._static = StaticPoints(self._scene.centres_px)
+        self._measures = measures_of(frame, self.config, self._named_points, self._area)
+        self._static = StaticPoints(self._measures.centres_px)
         self._awaited_ns = frame.stamp_ns
         self._previous = None
         self._measured = 0
 
     def step(self, arrival: Arrival, check: bool = True) -> FrameMetrics:
-        """The measures of one frame; without `check`, what takes long is left out even where it is due.
+        """The metrics of one frame; `check=False` skips the slow ones even where they are due.
 
         Raises:
-            InputError: as `use_reference`, for the first picture; or the picture is not the view of the reference.
+            InputError: as `use_reference`, for the first frame; or the image has another size than its reference.
         """
         if arrival.lost or arrival.frame is None:
             return FrameMetrics(arrival.index, arrival.stamp_ns, Outcome.LOST if arrival.lost else Outcome.NO_IMAGE)
         _check_window(arrival.frame, arrival.reference_size)
-        scene = self._scene_for(arrival.frame)
-        seen, before = self._see(arrival, scene.view_of(arrival.frame, arrival.ref_H_cur)), self._previous
+        measures = self._measures_for(arrival.frame)
+        seen, before = self._see(arrival, measures.view_of(arrival.frame, arrival.ref_H_cur)), self._previous
         self._previous = seen
         if arrival.stamp_ns == self._awaited_ns:
             self._awaited_ns = None
@@ -145,35 +118,35 @@ class Evaluator:
         check = check and self.check_is_due
         self._measured += 1
         adjacent = before if before is not None and before.arrival.index == arrival.index - 1 else None
-        return self._metrics(scene, seen, adjacent, check)
+        return self._metrics(measures, seen, adjacent, check)
 
     def _see(self, arrival: Arrival, view: View) -> _Seen:
         before = self._previous
         same = before is not None and np.array_equal(before.view.gray, view.gray)
         return _Seen(arrival, view, before.repeats + 1 if before is not None and same else 0)
 
-    def _scene_for(self, frame: Frame) -> ReferenceMeasures:
-        if self._scene is None or frame.size != self._scene.frame.size:
-            self._scene = None
+    def _measures_for(self, frame: Frame) -> ReferenceMeasures:
+        if self._measures is None or frame.size != self._measures.frame.size:
+            self._measures = None
             self.use_reference(frame)
-        assert self._scene is not None
-        return self._scene
+        assert self._measures is not None
+        return self._measures
 
-    def _metrics(self, scene: ReferenceMeasures, seen: _Seen, before: _Seen | None, check: bool) -> FrameMetrics:
+    def _metrics(self, measures: ReferenceMeasures, seen: _Seen, before: _Seen | None, check: bool) -> FrameMetrics:
         view = seen.view
         self._static.vote(view.shifts_px, view.searched)
-        reference = scene.compare(scene.view, view)
+        reference = measures.compare(measures.view, view)
         points = {"rmsd_reference": reference.rmsd, "displacement_reference_px": reference.displacement_px,
                   "shift_u_px": view.shifts_px[:, 0], "shift_v_px": view.shifts_px[:, 1]}
         if before is not None:
-            previous = scene.compare(before.view, view)
+            previous = measures.compare(before.view, view)
             points |= {"rmsd_previous": previous.rmsd, "displacement_previous_px": previous.displacement_px}
         values = _means(points, self.static) | self._counts(reference, seen)
         field = None
         if check:
-            rmse = _homologous(scene, view, before.view if before is not None else None)
+            rmse = _homologous(measures, view, before.view if before is not None else None)
             values |= _rmse_values(rmse)
-            field = scene.velocity.measure(view.gray, view.valid, rmse.ref_H_cur)
+            field = measures.velocity.measure(view.gray, view.valid, rmse.ref_H_cur)
         return FrameMetrics(seen.arrival.index, seen.arrival.stamp_ns, Outcome.MEASURED,
                             values | self._in_metres(values, seen, before), points, self.static, field)
 
@@ -188,7 +161,7 @@ class Evaluator:
         }
 
     def _in_metres(self, values: dict[str, float], seen: _Seen, before: _Seen | None) -> dict[str, float]:
-        """What the unrest looks like to a velocimeter that takes it for motion of the water."""
+        """The errors of position and velocity that the residual motion causes in velocimetry."""
         gsd_m, found = self.config.gsd_m, {}
         if gsd_m and "displacement_reference_px" in values:
             found["position_error_m"] = values["displacement_reference_px"] * gsd_m
@@ -200,9 +173,9 @@ class Evaluator:
         return found
 
 
-def _homologous(scene: ReferenceMeasures, view: View, before: View | None) -> Rmse:
+def _homologous(measures: ReferenceMeasures, view: View, before: View | None) -> Rmse:
     pair = (before.gray, before.valid) if before is not None else (None, None)
-    return scene.homologous.measure(view.gray, view.valid, *pair)
+    return measures.homologous.measure(view.gray, view.valid, *pair)
 
 
 def _rmse_values(rmse: Rmse) -> dict[str, float]:
@@ -211,7 +184,7 @@ def _rmse_values(rmse: Rmse) -> dict[str, float]:
 
 
 def _means(points: dict[str, FloatArray], static: BoolArray) -> dict[str, float]:
-    """Over the static points where there is a value; of the shifts the median, which a false peak does not draw."""
+    """Means over the static points that have a value; medians of the shifts, which are robust to a false peak."""
     found: dict[str, float] = {}
     for name, values in points.items():
         counted = values[static & np.isfinite(values)]
@@ -221,7 +194,7 @@ def _means(points: dict[str, FloatArray], static: BoolArray) -> dict[str, float]
 
 
 def _check_window(frame: Frame, reference_size: tuple[int, int] | None) -> None:
-    """Raises InputError for a picture that shows another part of the reference than the first view."""
+    """Raises InputError for an image that is not of the size of its reference."""
     if reference_size is not None and frame.size != reference_size:
         raise InputError(f"a stabilised picture is {frame.size[0]}x{frame.size[1]} and its homography is for "
                          f"{reference_size[0]}x{reference_size[1]}, they must agree: stabilise without output_roi")

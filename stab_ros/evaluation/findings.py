@@ -1,16 +1,16 @@
-"""What is wrong with a stabilised frame, if anything, by the thresholds of the settings."""
+"""Problems of a stabilised frame, by the thresholds of the settings."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
 
-from stab_ros.evaluation.evaluator import EvaluatorConfig
 from stab_ros.evaluation.frame_metrics import FrameMetrics, Outcome
+from stab_ros.evaluation.settings import EvaluatorConfig
 
 
 class Level(IntEnum):
-    """As diagnostic_msgs/DiagnosticStatus."""
+    """Level of a diagnostic_msgs/DiagnosticStatus."""
 
     OK = 0
     WARN = 1
@@ -19,19 +19,19 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """One line that names the frame."""
+    """A problem of one frame, as a line that names the frame."""
 
     level: Level
     text: str
 
 
 def frame_name(metrics: FrameMetrics) -> str:
-    """How a frame is called in every text: number and stamp."""
+    """Number and stamp of a frame, as every text shows them."""
     return f"frame {metrics.frame} ({metrics.stamp_ns / 1e9:.3f} s)"
 
 
 def findings(metrics: FrameMetrics, config: EvaluatorConfig) -> list[Finding]:
-    """Everything that is wrong with this frame, the worst first; empty for a good one."""
+    """All problems of this frame, the most severe first."""
     if metrics.outcome is Outcome.LOST:
         return [Finding(Level.ERROR, f"{frame_name(metrics)} is lost")]
     if metrics.outcome is not Outcome.MEASURED:

@@ -1,4 +1,4 @@
-"""What is measured of one stabilised frame, by the names of the topic `~/metrics`."""
+"""The metrics of one stabilised frame, under their names on the topic `~/metrics`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from stab_ros.metrics.velocity_field import Field
 
 
 class Outcome(Enum):
-    """What became of a frame in the evaluation; statistics are over MEASURED frames alone."""
+    """How the evaluation of a frame ended; statistics include only MEASURED frames."""
 
     REFERENCE = "REFERENCE"
     MEASURED = "MEASURED"
@@ -22,11 +22,11 @@ class Outcome(Enum):
 
     @property
     def has_picture(self) -> bool:
-        """Whether the frame came with a picture that could be used."""
+        """Whether the frame has a usable image."""
         return self in (Outcome.REFERENCE, Outcome.MEASURED)
 
 
-# name and unit of every number of a frame; those of the contract first
+# name and unit of every metric of a frame; those of the contract first
 UNITS: Mapping[str, str] = {
     "rmsd_reference": "grey levels",
     "rmsd_previous": "grey levels",
@@ -45,7 +45,7 @@ UNITS: Mapping[str, str] = {
     "points_beyond_range": "",
     "identical_frames": "",
 }
-# those that exist for every verification point too
+# metrics that every verification point has as well
 POINT_METRICS = ("rmsd_reference", "rmsd_previous", "displacement_reference_px", "displacement_previous_px",
                  "shift_u_px", "shift_v_px")
 
@@ -56,11 +56,11 @@ def _no_points() -> Mapping[str, FloatArray]:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FrameMetrics:
-    """The measures of one frame; a name that is missing in `values` could not be, or was not to be measured.
+    """The metrics of one frame; a metric that was not measured is missing from `values`.
 
     frame: its number in the stream, from 0. values: by the names of UNITS, means over the static points.
-    points: for each of POINT_METRICS the values of all verification points (P,), NaN where there is none.
-    static: (P,) bool, the points that count in the means. field: the residual velocity field, on check frames.
+    points: for each of POINT_METRICS the values of all verification points (P,), NaN where not measured.
+    static: (P,) bool, the points included in the means. field: the residual velocity field, where it was measured.
     """
 
     frame: int

@@ -1,4 +1,4 @@
-"""Pairs stabilised pictures with their homographies by stamp, and gives both out in the order of the stream."""
+"""Pairs stabilised images with their homographies by stamp, and returns the pairs in the order of the stream."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from stab_ros.core.types import Frame, Homography
 from stab_ros.evaluation.evaluator import Arrival
 
-_REMEMBERED = 100  # frames given out by one half whose other may still come, as the held picture of a lost one
+_REMEMBERED = 100  # frames returned unpaired whose other half may still arrive, such as the held image of a lost frame
 
 
 @dataclass(eq=False)
@@ -17,14 +17,14 @@ class _Entry:
     ref_H_cur: Homography | None
     reference_size: tuple[int, int] | None
     frame: Frame | None = None
-    passed: bool = False  # a later picture has come, so this one's will not
+    passed: bool = False  # a later image has arrived, so the one of this frame will not
 
 
 class Pairing:
-    """One stream, each of the two topics in order by itself; how far one lags behind the other does not matter.
+    """Pairs the two topics of one stream. Each is in order by itself; one may lag behind the other by any time.
 
-    A LOST frame needs no picture. What lacks its other half is given out without, once a later pair shows that it will
-    not come, or when more than `limit_bytes` of pictures wait.
+    A LOST frame needs no image. A frame is returned unpaired once a later pair shows that its other half will not
+    arrive, or when the waiting images exceed `limit_bytes`.
     """
 
     def __init__(self, expect_homography: bool, limit_bytes: int) -> None:
@@ -38,18 +38,18 @@ class Pairing:
 
     @property
     def homographies_waiting(self) -> int:
-        """Those whose picture has not come yet, and what waits behind them."""
+        """Number of homographies whose image has not arrived yet, and of those queued behind them."""
         return len(self._entries)
 
     @property
     def pictures_waiting(self) -> int:
-        """Those whose homography has not come yet."""
+        """Number of images whose homography has not arrived yet."""
         return len(self._pictures)
 
     def homography(self, stamp_ns: int, ref_H_cur: Homography | None,
                    reference_size: tuple[int, int] | None = None) -> list[Arrival]:
-        """ref_H_cur: None if the frame was lost. reference_size: width and height, px, if known."""
-        if stamp_ns in self._unpaired:  # too late, its picture has been given out
+        """Takes a homography. ref_H_cur: None if the frame was lost. reference_size: width and height, px, if known."""
+        if stamp_ns in self._unpaired:  # too late, its image has been returned unpaired
             self._unpaired.remove(stamp_ns)
             return []
         if stamp_ns in self._answered:  # the recording starts again
@@ -60,7 +60,7 @@ class Pairing:
         return list(self._ready())
 
     def image(self, frame: Frame) -> list[Arrival]:
-        """frame: a stabilised picture."""
+        """Takes a stabilised image."""
         stamp_ns, is_known = frame.stamp_ns, frame.stamp_ns in self._entries
         if not (self.expect_homography or is_known):
             return [self._alone(frame)]
@@ -70,13 +70,13 @@ class Pairing:
         return list(self._paired(stamp_ns) if is_known else self._beyond_limit())
 
     def flush(self) -> list[Arrival]:
-        """What is left when nothing more will come."""
+        """The remaining frames, at the end of the stream."""
         for entry in self._entries.values():
             entry.passed = True
         return [*self._ready(), *map(self._alone, self._take_pictures(len(self._pictures)))]
 
     def _paired(self, stamp_ns: int) -> Iterator[Arrival]:
-        """Both halves have come: what comes before this one in either topic is decided too."""
+        """The frame at `stamp_ns`, whose halves are both here, and all earlier ones of either topic."""
         for earlier in self._take_pictures(list(self._pictures).index(stamp_ns)):
             yield self._alone(earlier)
         (frame,) = self._take_pictures(1)
@@ -88,7 +88,7 @@ class Pairing:
         yield from self._ready()
 
     def _ready(self) -> Iterator[Arrival]:
-        """From the first homography on, all that need not wait."""
+        """The frames that need not wait, from the first homography on."""
         while self._entries:
             stamp_ns, entry = next(iter(self._entries.items()))
             lost = entry.ref_H_cur is None
@@ -104,7 +104,7 @@ class Pairing:
             yield from map(self._alone, self._take_pictures(1))
 
     def _take_pictures(self, count: int) -> list[Frame]:
-        """The first ones that wait."""
+        """Removes and returns the first waiting images."""
         return [self._pictures.popitem(last=False)[1] for _ in range(count)]
 
     def _alone(self, frame: Frame) -> Arrival:

@@ -1,16 +1,16 @@
-"""Everything of an evaluation that depends on the reference alone, made once."""
+"""The part of an evaluation that depends only on the reference, computed once."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stab_ros.core.gray import depth_scale, to_gray
 from stab_ros.core.region import Area
 from stab_ros.core.types import BoolArray, FloatArray, Frame, Gray, Homography, IdArray
+from stab_ros.evaluation.settings import EvaluatorConfig, NamedPoint
 from stab_ros.metrics.alignment import follow
 from stab_ros.metrics.comparison import PointComparison, compare
 from stab_ros.metrics.correlation import Correlator
@@ -21,20 +21,16 @@ from stab_ros.metrics.rmsd import cut
 from stab_ros.metrics.velocity_field import VelocityField
 from stab_ros.metrics.verification import VerificationPoint, calibrated_points, choose_points
 
-if TYPE_CHECKING:
-    from stab_ros.evaluation.evaluator import EvaluatorConfig
-
 _AREA_PX = 64  # interrogation area around a verification point
 _USUAL_WINDOW_PX = 31  # Ljubicic et al. 2021, section 3.2
-NamedPoint = tuple[str, float, float]  # name, x and y in reference px
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A picture in the reference's place, as seen from P verification points. valid: (h, w) bool, the overlap.
+    """An image warped to the reference, at P verification points. valid: (h, w) bool, the overlap.
 
-    windows: (P, N, N), usable: (P,) those within the overlap. shifts_px: (P, 2) against the reference, NaN where its
-    look was not found; searched: (P,) where it could be. noise_variance: (P,), grey levels^2.
+    windows: (P, N, N), usable: (P,) those within the overlap. shifts_px: (P, 2) against the reference, NaN where the
+    correlation found no match; searched: (P,) where it was computed. noise_variance: (P,), grey levels^2.
     """
 
     gray: Gray
@@ -48,9 +44,9 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class ReferenceMeasures:
-    """The reference, and what measures others against it. centres_px: (P, 2) int64, of the verification points.
+    """The reference and everything needed to measure frames against it.
 
-    view: of the reference itself.
+    centres_px: (P, 2) int64, of the verification points. view: of the reference itself.
     """
 
     frame: Frame
@@ -65,7 +61,7 @@ class ReferenceMeasures:
     view: View
 
     def view_of(self, frame: Frame, ref_H_cur: Homography | None) -> View:
-        """`frame`, of the reference's size; ref_H_cur: what brought it into place, if known."""
+        """The view of `frame`, which has the size of the reference. ref_H_cur: the homography of its warp, if known."""
         gray = to_gray(frame, self.grey_scale)
         valid = valid_overlap(gray, ref_H_cur)
         searched = windows_inside(valid, self.correlator.areas_px, self.correlator.window_px)
@@ -75,7 +71,7 @@ class ReferenceMeasures:
                     self._noise_variance(gray, ref_H_cur))
 
     def _noise_variance(self, gray: Gray, ref_H_cur: Homography | None) -> FloatArray:
-        """Warping averages neighbours, which hides noise from the gauge; what bilinear warping leaves is known."""
+        """At least the known share of noise after bilinear warping, whose averaging the gauge underestimates."""
         measured = np.full(len(self.points), self.gauge.sigma(gray) ** 2)
         if ref_H_cur is None:
             return measured
@@ -83,7 +79,7 @@ class ReferenceMeasures:
         return np.asarray(np.maximum(measured, share * self.view.noise_variance))
 
     def compare(self, before: View, after: View) -> PointComparison:
-        """The windows of two pictures."""
+        """Compares the windows of two views."""
         moved_px = after.shifts_px - before.shifts_px
         return compare(self.points, before.windows, after.windows,
                        follow(after.gray, self.centres_px, self.window_px, moved_px),
@@ -93,10 +89,10 @@ class ReferenceMeasures:
 
 def measures_of(frame: Frame, config: EvaluatorConfig, named_points: Sequence[NamedPoint],
                 area: Area) -> ReferenceMeasures:
-    """The scene whose reference is `frame`; its verification points are the named ones, if any, else chosen.
+    """The measures on the reference `frame`; its verification points are the named ones, if any, else chosen in it.
 
     Raises:
-        InputError: a region or a named point does not fit the picture.
+        InputError: a region or a named point does not fit the image.
     """
     scale = depth_scale(frame)
     gray = to_gray(frame, scale)

@@ -19,6 +19,7 @@ from rosbags.typesys.stores import ros2_jazzy as ros
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.text import number
 from stab_ros.core.types import FloatArray, Frame, Homography, Image, Track
+from stab_ros.evaluation.findings import Level
 from stab_ros.evaluation.frame_metrics import POINT_METRICS, UNITS, FrameMetrics, Outcome
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.window import Window
@@ -35,7 +36,7 @@ CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 DIAGNOSTIC_ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
 FLOAT64 = "std_msgs/msg/Float64"
 
-OK, WARN, ERROR = 0, 1, 2  # diagnostic_msgs/DiagnosticStatus.level
+OK, WARN, ERROR = Level
 SECOND_NS = 1_000_000_000
 # image_proc passes frames through untouched when D is all zero; this is zero to every computation, but not to it
 _ALMOST_ZERO = 1e-300

@@ -17,11 +17,11 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.settings import Value
 from stab_ros.core.text import one_line
 from stab_ros.core.types import NO_POINTS, FloatArray
+from stab_ros.evaluation.settings import NamedPoint
 
 COLUMNS = ("name", "x", "y")
 _MAX_POINTS = 100_000
 _MAX_TEXT = 2**22  # characters of JSON: so many points in full precision
-NamedPoint = tuple[str, float, float]
 
 
 def read_tracking_points(values: Mapping[str, Value]) -> FloatArray:

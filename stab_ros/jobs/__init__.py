@@ -1,1 +1,1 @@
-"""What the commands do, without the command line."""
+"""The work of the commands: stabilize, evaluate, compare, convert, recover and info, as functions."""

@@ -1,8 +1,7 @@
-"""`stab-ros compare`: methods and presets over the same frames, each alone, all judged by the one evaluator."""
+"""`stab-ros compare`: methods and presets over the same frames, each in its process, measured by one evaluator."""
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -12,17 +11,18 @@ import numpy as np
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.kernels import Compiler, compile_kernels
-from stab_ros.core.settings import Value
+from stab_ros.core.progress import Progress
+from stab_ros.core.settings import Value, did_you_mean
 from stab_ros.core.types import Frame, State, Track
+from stab_ros.evaluation.comparison_results import Comparison, MethodResult, Passage
 from stab_ros.evaluation.evaluator import Arrival, Evaluator
 from stab_ros.evaluation.frame_metrics import FrameMetrics
+from stab_ros.evaluation.results import TopicEvaluation
 from stab_ros.io.source import Picture, Source, open_source
 from stab_ros.jobs.compare_child import Failed, Finished, Run, Step, steps_of
 from stab_ros.jobs.compare_truth import Truth
-from stab_ros.jobs.evaluate import TopicEvaluation
-from stab_ros.jobs.stabilize import Progress, expected
+from stab_ros.jobs.stabilize import expected
 from stab_ros.methods import METHODS
-from stab_ros.metrics.statistics import Summary, summarize
 from stab_ros.parameters.engines import make_evaluator
 from stab_ros.parameters.presets import PRESETS
 from stab_ros.parameters.table import EVALUATOR_PARAMETERS, PARAMETERS, checked_values
@@ -32,7 +32,7 @@ RAW = "raw"
 
 @dataclass(frozen=True)
 class ComparisonJob:
-    """What to compare; `values` of the tracker and `judging` of the evaluator as `checked_values` gives them."""
+    """What to compare. values, judging: checked parameters of the tracker and of the evaluator."""
 
     source: Path
     methods: tuple[str, ...]
@@ -44,87 +44,17 @@ class ComparisonJob:
     fps: float | None = None
 
     def run_of(self, method: str) -> Run:
-        """The work of one method's process."""
+        """The task of the process of one method."""
         return Run(self.source, {**self.values, "method": method}, self.image_topic, self.limit, self.fps)
 
 
-@dataclass(frozen=True, eq=False)
-class Passage:
-    """One frame as a method saw it. reference: whether it is what others are brought back to.
-
-    error_px: against the truth, None without one, while lost, and for the reference. seconds: tracking and warping.
-    """
-
-    number: int
-    track: Track
-    reference: bool
-    error_px: float | None
-    seconds: float | None
-
-
-@dataclass(frozen=True, eq=False)
-class MethodResult:
-    """What came of one method. passages: one a frame. evaluation: None if no frame became the reference.
-
-    peak_mb: of its process. failure: why there is nothing of all that, in one line; "" if there is.
-    """
-
-    name: str
-    passages: tuple[Passage, ...] = ()
-    evaluation: TopicEvaluation | None = None
-    peak_mb: int | None = None
-    failure: str = ""
-
-    @property
-    def tracked(self) -> int:
-        """Frames, the reference among them."""
-        return sum(one.track.tracked for one in self.passages)
-
-    @property
-    def lost(self) -> int:
-        return len(self.passages) - self.tracked
-
-    @property
-    def reference(self) -> int | None:
-        """The number of the frame that became the (first) reference."""
-        return next((one.number for one in self.passages if one.reference), None)
-
-    @property
-    def aligned(self) -> list[Passage]:
-        """Those that statistics are made of: neither the reference nor what was lost."""
-        return [one for one in self.passages if one.track.tracked and not one.reference]
-
-    @property
-    def error_px(self) -> Summary | None:
-        return summarize([one.error_px for one in self.aligned if one.error_px is not None])
-
-    @property
-    def seconds(self) -> list[float]:
-        """Of every frame after the reference, lost or not."""
-        first = self.reference
-        return [] if first is None else [one.seconds for one in self.passages
-                                         if one.number > first and one.seconds is not None]
-
-
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """What came of a job. raw: the frames as they are. warnings: one line each, what could not be read or compared."""
-
-    source: Path
-    frames: int
-    raw: MethodResult
-    methods: tuple[MethodResult, ...]
-    has_truth: bool
-    warnings: tuple[str, ...]
-
-
 def known_methods() -> tuple[str, ...]:
-    """Everything that `method:=` takes."""
+    """All values of the parameter `method`."""
     return (*METHODS, *PRESETS)
 
 
 def checked_methods(names: Sequence[str] | None) -> tuple[str, ...]:
-    """The names without repetition; None: all there are.
+    """The names without duplicates; all known methods for None.
 
     Raises:
         InputError: one of them is unknown.
@@ -132,13 +62,13 @@ def checked_methods(names: Sequence[str] | None) -> tuple[str, ...]:
     known = known_methods()
     for name in names or ():
         if name not in known:
-            near = difflib.get_close_matches(name, known, n=3, cutoff=0.4) or known
-            raise InputError(f"--methods: {name!r} is unknown, did you mean {', '.join(near)}?")
+            meant = did_you_mean(name, known) or f"it must be one of {', '.join(known)}"
+            raise InputError(f"--methods: {name!r} is unknown, {meant}")
     return known if names is None else tuple(dict.fromkeys(names))
 
 
 def shared_values(given: Mapping[str, object]) -> tuple[dict[str, Value], dict[str, Value]]:
-    """Parameters of all trackers and of the evaluator; a region is both's, `points_file` the trackers'.
+    """Parameters of the trackers and of the evaluator. Both get the regions; `points_file` is for the trackers.
 
     Raises:
         ConfigError: an unknown name, a wrong type, or out of range.
@@ -150,17 +80,17 @@ def shared_values(given: Mapping[str, object]) -> tuple[dict[str, Value], dict[s
 
 
 def compare(job: ComparisonJob, progress: Progress, compiling: Compiler = compile_kernels) -> Comparison:
-    """Does the job: reads the input once for itself, then once for each method.
+    """Compares the methods; reads the input once for the raw frames, then once for each method.
 
     compiling: compiles all kernels, before the first frame.
 
     Raises:
-        InputError: what was given cannot be used.
+        InputError: an argument or the input is unusable.
     """
     truth = Truth(job.truth) if job.truth else None
     make_evaluator(job.judging)  # refuses wrong settings before anything is read
     with open_source(job.source, job.image_topic, job.fps) as source:
-        counter = _Counter(progress, expected(source.count, job.limit), len(job.methods))
+        counter = _MethodsProgress(progress, expected(source.count, job.limit), len(job.methods))
         compiling()
         fps = job.fps or source.rate_hz()
         raw = _judge_raw(source, job, _Judge(make_evaluator(job.judging), truth, fps), counter)
@@ -175,8 +105,8 @@ def compare(job: ComparisonJob, progress: Progress, compiling: Compiler = compil
     return Comparison(job.source, frames, raw, shared, truth is not None, (*warnings, *_other_references(shared)))
 
 
-class _Counter:
-    """Progress over the input and all methods."""
+class _MethodsProgress:
+    """Progress over the passes through the input: the raw frames, then each method."""
 
     def __init__(self, progress: Progress, frames: int | None, methods: int) -> None:
         self._progress = progress
@@ -185,7 +115,7 @@ class _Counter:
         self._done = 0
 
     def settle(self, frames: int) -> None:
-        """How many frames there really are."""
+        """Sets the true number of frames."""
         self._frames, self._done = frames, frames
 
     def one_more(self) -> None:
@@ -193,12 +123,12 @@ class _Counter:
         self._progress(self._done, self._frames and self._frames * self._passes)
 
     def skip_to(self, passes: int) -> None:
-        """What a method that failed has left undone is done with."""
+        """Counts the remaining frames of a failed method as done."""
         self._done = (self._frames or 0) * passes
 
 
 class _Judge:
-    """Measures what one method made of the frames, as they come."""
+    """Measures the frames that one method has stabilised, one after the other."""
 
     def __init__(self, evaluator: Evaluator, truth: Truth | None, fps: float) -> None:
         self._evaluator, self._truth, self._fps = evaluator, truth, fps
@@ -210,7 +140,7 @@ class _Judge:
         return len(self._passages)
 
     def add(self, step: Step) -> None:
-        """The next frame."""
+        """Measures the next frame."""
         track, steady = step.track, step.steady
         begins = track.tracked and (self._reference is None or track.reset_counter != self._reference[1])
         if begins:
@@ -226,7 +156,7 @@ class _Judge:
         return self._truth.error_px(number, self._reference[0], track.ref_H_cur, size)
 
     def result(self, name: str, peak_mb: int | None = None) -> MethodResult:
-        """When all have come."""
+        """The result, after the last frame."""
         evaluator, reference, evaluation = self._evaluator, self._evaluator.reference, None
         if reference is not None:
             evaluation = TopicEvaluation(name, reference, evaluator.points, evaluator.static, tuple(self._rows),
@@ -234,8 +164,8 @@ class _Judge:
         return MethodResult(name, tuple(self._passages), evaluation, peak_mb)
 
 
-def _judge_raw(source: Source, job: ComparisonJob, judge: _Judge, counter: _Counter) -> MethodResult:
-    """The frames as they are, as if the camera had not moved."""
+def _judge_raw(source: Source, job: ComparisonJob, judge: _Judge, counter: _MethodsProgress) -> MethodResult:
+    """Measures the raw frames, with the identity as their homography."""
     size: tuple[int, int] | None = None
     for number, picture in enumerate(source.frames(job.limit)):
         frame = picture.decoded if isinstance(picture.decoded, Frame) else None
@@ -250,15 +180,15 @@ def _unmoved(number: int, picture: Picture, frame: Frame | None) -> Step:
     return Step(number, Track(state, number, picture.stamp_ns, 0, 0, ref_H_cur=H), None, steady=frame)
 
 
-def _judge_method(name: str, job: ComparisonJob, judge: _Judge, counter: _Counter) -> MethodResult:
-    ending: Finished | Failed = Failed("its process told nothing")
+def _judge_method(name: str, job: ComparisonJob, judge: _Judge, counter: _MethodsProgress) -> MethodResult:
+    ending: Finished | Failed = Failed("its process sent nothing")
     with closing(steps_of(job.run_of(name))) as steps:
-        for told in steps:
-            if isinstance(told, Step):
-                judge.add(told)
+        for item in steps:
+            if isinstance(item, Step):
+                judge.add(item)
                 counter.one_more()
             else:
-                ending = told
+                ending = item
     counter.skip_to(job.methods.index(name) + 2)
     if isinstance(ending, Failed):
         after = f" (after {len(judge)} frames)" if len(judge) else ""
@@ -267,7 +197,7 @@ def _judge_method(name: str, job: ComparisonJob, judge: _Judge, counter: _Counte
 
 
 def _sharing_reference(result: MethodResult, raw: MethodResult) -> MethodResult:
-    """One picture in memory for all methods that have the same reference."""
+    """The result with the reference of the raw frames where it is the same image, which saves memory."""
     mine, theirs = result.evaluation, raw.evaluation
     if mine is None or theirs is None or not np.array_equal(mine.reference.image, theirs.reference.image):
         return result
@@ -294,6 +224,6 @@ def _beyond(job: ComparisonJob, truth: Truth, frames: int) -> list[str]:
 
 
 def _other_references(results: Sequence[MethodResult]) -> list[str]:
-    """Methods whose displacements are against another picture than those of the others."""
+    """Warnings for the methods whose reference is not frame 0."""
     return [f"{result.name}: could not use frame 0, its reference is frame {result.reference}"
             for result in results if result.reference]

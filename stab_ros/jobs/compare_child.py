@@ -1,4 +1,4 @@
-"""One method over one input, alone in a process of its own, so that its time and its memory are its own."""
+"""One method over one input, in a separate process, so that its time and memory can be measured."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from stab_ros.core.settings import Value
 from stab_ros.core.text import one_line
 from stab_ros.core.types import Frame, Image, Track
 from stab_ros.io.source import Picture, open_source, read_again
-from stab_ros.jobs.pipeline import PictureTracker, Result
+from stab_ros.jobs.pipeline import PictureTracker, TrackedFrame
 from stab_ros.parameters.engines import make_stabilizer
 
 _STATUS = Path("/proc/self/status")
@@ -33,7 +33,7 @@ _NEXT = b"next"
 
 @dataclass(frozen=True)
 class Run:
-    """What one process has to do; `values` as `checked_values` gives them."""
+    """The task of one process. values: checked parameters of the tracker."""
 
     source: Path
     values: Mapping[str, Value]
@@ -44,10 +44,10 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One frame of the input. number: from 0, undecodable ones included. track: without its covariance.
+    """One frame of the input. number: from 0, undecodable frames included. track: without its covariance.
 
-    seconds: of tracking and warping together; None where there was no picture. steady: the picture in the reference's
-    place, None while lost.
+    seconds: for tracking and warping; None for an undecodable frame. steady: the frame warped to the reference; None
+    while lost.
     """
 
     number: int
@@ -58,14 +58,14 @@ class Step:
 
 @dataclass(frozen=True)
 class Finished:
-    """The last frame is done. peak_mb: the most memory the process has held (VmHWM), with libraries and decoding."""
+    """The end of the input. peak_mb: peak memory of the process (VmHWM), including libraries and decoding."""
 
     peak_mb: int
 
 
 @dataclass(frozen=True)
 class Failed:
-    """The method came to no end; why, in one line."""
+    """The method failed. why: the reason, in one line."""
 
     why: str
 
@@ -75,7 +75,7 @@ Steps: TypeAlias = Generator[Step | Finished | Failed, None, None]
 
 @dataclass(frozen=True, eq=False)
 class _Pixels:
-    """They follow as they are."""
+    """Format of the pixels that follow as raw bytes."""
 
     shape: tuple[int, ...]
     dtype: str
@@ -83,11 +83,11 @@ class _Pixels:
 
 
 def steps_of(run: Run) -> Steps:
-    """Every frame as it is done, then how it ended.
+    """Yields every frame as soon as it is done, then the end or the failure.
 
-    The process works on the next frame only once it is asked for, so nothing else runs while it is timed.
+    The process starts on a frame when the caller asks for it, so nothing else runs while it is timed.
     """
-    context = get_context("spawn")  # a forked one would count our memory as its own
+    context = get_context("spawn")  # a forked process would count the memory of this one
     ours, theirs = context.Pipe()
     process = context.Process(target=_work, args=(theirs, run), daemon=True)
     process.start()
@@ -102,25 +102,25 @@ def steps_of(run: Run) -> Steps:
 
 def _received(connection: Connection, process: SpawnProcess) -> Steps:
     while True:
-        told = _next_of(connection, process)
-        yield told
-        if not isinstance(told, Step):
+        item = _next_of(connection, process)
+        yield item
+        if not isinstance(item, Step):
             return
         connection.send_bytes(_NEXT)
 
 
 def _next_of(connection: Connection, process: SpawnProcess) -> Step | Finished | Failed:
-    told: Step | Finished | Failed
+    item: Step | Finished | Failed
     try:
-        told, pixels = connection.recv()
-        if not isinstance(told, Step) or pixels is None:
-            return told
+        item, pixels = connection.recv()
+        if not isinstance(item, Step) or pixels is None:
+            return item
         image: Image = np.empty(pixels.shape, pixels.dtype)
         connection.recv_bytes_into(image.data.cast("B"))
     except (EOFError, ConnectionError):
         process.join()
         return Failed(_ending(process.exitcode))
-    return dataclasses.replace(told, steady=Frame(image, pixels.encoding, told.track.stamp_ns))
+    return dataclasses.replace(item, steady=Frame(image, pixels.encoding, item.track.stamp_ns))
 
 
 def _ending(code: int | None) -> str:
@@ -130,7 +130,7 @@ def _ending(code: int | None) -> str:
 
 
 def _work(connection: Connection, run: Run) -> None:
-    """What the child does."""
+    """Runs in the child process."""
     with _Reported(connection), open_source(run.source, run.image_topic, run.fps) as source:
         camera = source.camera() if run.values.get("use_camera_info") else None
         again = partial(read_again, run.source, run.image_topic, run.fps, run.limit)
@@ -144,14 +144,14 @@ def _work(connection: Connection, run: Run) -> None:
 
 
 class _Clock:
-    """Times the steps of a tracker. What one step does ahead for others is shared out among them all."""
+    """Times the steps of a tracker; divides the time of a step that answers later frames as well among them all."""
 
     def __init__(self, tracker: PictureTracker) -> None:
         self._tracker = tracker
         self._share_s = 0.0
 
-    def step(self, picture: Picture) -> tuple[Result, float]:
-        """The result and its seconds."""
+    def step(self, picture: Picture) -> tuple[TrackedFrame, float]:
+        """The tracked frame, and the seconds it took."""
         ahead, started_s = self._tracker.ahead, time.perf_counter()
         result = self._tracker.step(picture)
         elapsed_s = time.perf_counter() - started_s
@@ -162,7 +162,7 @@ class _Clock:
         return result, elapsed_s
 
 
-def _send(connection: Connection, result: Result, seconds: float) -> None:
+def _send(connection: Connection, result: TrackedFrame, seconds: float) -> None:
     decoded, track = result.picture.decoded, dataclasses.replace(result.track, covariance=None)
     if not isinstance(decoded, Frame):
         connection.send((Step(result.number, track, None), None))
@@ -177,7 +177,7 @@ def _send(connection: Connection, result: Result, seconds: float) -> None:
 
 
 class _Reported:
-    """Whatever breaks a method is told, and ends its row of the comparison alone."""
+    """Reports any exception to the parent, so that it ends only this method of the comparison."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -189,12 +189,12 @@ class _Reported:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> bool:
         if isinstance(error, Exception) and not isinstance(error, BrokenPipeError):
-            self._connection.send((Failed(_told(error, trace)), None))
+            self._connection.send((Failed(_described(error, trace)), None))
         return isinstance(error, Exception)
 
 
-def _told(error: Exception, trace: TracebackType | None) -> str:
-    """What went wrong; of a bug also where."""
+def _described(error: Exception, trace: TracebackType | None) -> str:
+    """The message of an error; for a bug also its location."""
     if isinstance(error, StabRosError):
         return one_line(error)
     last = traceback.extract_tb(trace)[-1]
@@ -202,6 +202,6 @@ def _told(error: Exception, trace: TracebackType | None) -> str:
 
 
 def peak_mb() -> int:
-    """The most memory this process has held so far, MB (2^20 bytes)."""
+    """Peak memory of this process so far, MB (2^20 bytes)."""
     lines = _STATUS.read_text(encoding="utf-8").splitlines()
     return round(next(int(line.split()[1]) for line in lines if line.startswith("VmHWM:")) / 1024)

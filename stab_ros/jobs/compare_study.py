@@ -17,17 +17,19 @@ import numpy as np
 from stab_ros.core.errors import InputError
 from stab_ros.core.gray import depth_scale, to_gray
 from stab_ros.core.kernels import Compiler, compile_kernels
+from stab_ros.core.progress import Progress
 from stab_ros.core.settings import Value
 from stab_ros.core.types import BoolArray, Correspondences, Fit, Frame, Gray
 from stab_ros.estimation import estimators
+from stab_ros.evaluation.summary import Json
 from stab_ros.io.outputs import completed
 from stab_ros.io.regions import read_area
 from stab_ros.io.source import open_source
 from stab_ros.jobs.compare import ComparisonJob, checked_methods
 from stab_ros.jobs.compare_text import aligned, written
-from stab_ros.jobs.evaluate_files import Json, write_tree
+from stab_ros.jobs.evaluate_files import write_tree
 from stab_ros.jobs.result_outputs import ResultOutputs
-from stab_ros.jobs.stabilize import Progress, expected
+from stab_ros.jobs.stabilize import expected
 from stab_ros.methods import METHODS
 from stab_ros.parameters.table import stabilizer_config
 from stab_ros.tracking.settings import StabilizerConfig
@@ -37,12 +39,12 @@ _MODELS = ("affine", "projective", "similarity")  # in the order of Table 2
 _ESTIMATORS = ("ransac", "lo_ransac", "three_sigma", "ed_ransac")  # in the order of Table 3
 _ED_PX = 0.2  # section 3.2
 _RANSAC_PX = 3.0  # not given in the paper
-_PAPER = {"projective": "perspective"}  # what the paper calls it
+_PAPER = {"projective": "perspective"}  # the term of the paper
 
 
 @dataclass(frozen=True)
 class Variant:
-    """A row of a table: a model or an estimator, and what it is fitted with."""
+    """A row of a table: a combination of model, estimator and threshold."""
 
     name: str
     model: str
@@ -52,7 +54,7 @@ class Variant:
 
 @dataclass(frozen=True)
 class StudyRow:
-    """What a variant came to over all pairs of frames that it could be fitted to.
+    """The result of a variant over all pairs of frames that it could be fitted to.
 
     first_select, final_points: FS and FP, medians; FS None where the estimator has no consensus set.
     """
@@ -69,7 +71,7 @@ class StudyRow:
 
 @dataclass(frozen=True)
 class Study:
-    """kind: models or estimators. pairs: of adjacent frames. matches: the median of all pairs. rows: one a variant."""
+    """A whole table. kind: models or estimators. pairs: number of adjacent pairs. matches: median over the pairs."""
 
     kind: str
     source: Path
@@ -82,10 +84,10 @@ class Study:
 
 
 def study_method(names: Sequence[str] | None) -> str:
-    """The one method whose matches are studied.
+    """The method whose matches the study uses.
 
     Raises:
-        InputError: not one method, or one that there is not.
+        InputError: not exactly one method, or an unknown one.
     """
     chosen = checked_methods([METHOD] if names is None else names)
     if len(chosen) != 1:
@@ -95,12 +97,12 @@ def study_method(names: Sequence[str] | None) -> str:
 
 def run_study(kind: str, job: ComparisonJob, progress: Progress,
               compiling: Compiler = compile_kernels) -> Study:
-    """Matches every frame with the one before and fits all variants to each.
+    """Matches every frame with the previous frame, and fits all variants to the matches.
 
     compiling: compiles all kernels, before the first frame.
 
     Raises:
-        InputError: what was given cannot be used.
+        InputError: an argument or the input is unusable.
     """
     config = stabilizer_config({**job.values, "method": job.methods[0]})
     variants, area = _variants(kind, job.values), read_area(job.values)
@@ -122,7 +124,7 @@ def run_study(kind: str, job: ComparisonJob, progress: Progress,
 
 
 def _variants(kind: str, values: Mapping[str, Value]) -> list[Variant]:
-    """The rows of the table; `model`, `estimator` and `threshold` may be given for what it does not vary."""
+    """The rows of the table; the parameters `model`, `estimator` and `threshold` set what the table does not vary."""
     estimator, model = str(values.get("estimator", ESTIMATOR)), str(values.get("model", "projective"))
     varied = [(name, name, estimator) for name in _MODELS] if kind == "models" else [
         (name, model, name) for name in _ESTIMATORS]
@@ -131,7 +133,7 @@ def _variants(kind: str, values: Mapping[str, Value]) -> list[Variant]:
 
 
 class _Frames:
-    """Gray pictures in pairs of adjacent ones; one that cannot be decoded, or of another size, parts its neighbours."""
+    """Pairs of adjacent gray frames; a frame that is undecodable or of another size is in no pair."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -184,7 +186,7 @@ def study_json(study: Study) -> Json:
 
 
 def check_outputs(job: ComparisonJob, outputs: ResultOutputs) -> None:
-    """Raises InputError for what a study does not have."""
+    """Raises InputError for an option that a study does not support."""
     for option, path in (("--truth", job.truth), ("--csv", outputs.csv), ("--report", outputs.report)):
         if path is not None:
             raise InputError(f"{option} {path}: does not go with --study, which prints a table and writes --json alone")
@@ -197,7 +199,7 @@ def write_study(study: Study, path: Path) -> None:
 
 
 def study_text(study: Study) -> str:
-    """The table as in the paper."""
+    """The table in the layout of the paper."""
     of_models = study.kind == "models"
     head = ["", "FS", "FP", "CMR %", "RMSE px", "pairs"] if of_models else [
         "", "max px", "min px", "median px", "pairs"]

@@ -1,4 +1,4 @@
-"""The known homographies of a flight, as the measure of what the methods found."""
+"""The true homographies of a flight, against which the methods are measured."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from stab_ros.io.homographies import read_homographies
 
 
 class Truth:
-    """A truth file, whose rows join the input by frame; a row without a homography says that it is not known.
+    """A truth file, joined to the input by frame number; a row without a homography means that it is unknown.
 
     Raises:
         InputError: no such file, no table of homographies, a frame twice, or no homography at all.
@@ -31,20 +31,20 @@ class Truth:
             raise InputError(f"{path}: holds no homography, it must have a row with h00 to h22 for every frame")
 
     def check(self, frames: int, source: str) -> None:
-        """Raises InputError unless there is a row for every one of so many frames."""
+        """Raises InputError unless every frame from 0 to `frames` - 1 has a row."""
         missing = next((frame for frame in range(frames) if frame not in self._true), None)
         if missing is not None:
             raise InputError(f"{self._path}: does not fit {source}, it has no row for frame {missing}; it must have "
                              f"one for each of the {frames} frames (status LOST where the truth is not known)")
 
     def beyond(self, frames: int) -> int:
-        """How many rows belong to none of so many frames."""
+        """Number of rows outside of frames 0 to `frames` - 1."""
         return sum(not 0 <= frame < frames for frame in self._true)
 
     def error_px(self, frame: int, reference: int, ref_H_cur: Homography, size: tuple[int, int]) -> float | None:
-        """RMS distance over the 9x9 grid of the frame; None where the truth is not known.
+        """RMS distance over the 9x9 grid of the frame; None where the truth is unknown.
 
-        reference: the frame that `ref_H_cur` leads to, which need not be the one that the truth leads to.
+        reference: number of the reference frame of `ref_H_cur`, which may differ from that of the truth.
         """
         true, true_of_reference = self._true.get(frame), self._true.get(reference)
         if true is None or true_of_reference is None:

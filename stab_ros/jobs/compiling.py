@@ -1,4 +1,4 @@
-"""What a person sees of the kernels being compiled: once after an installation, and never again if they can be kept."""
+"""Compilation of the kernels with a progress bar: once after an installation, as long as the result can be cached."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _REMEDY = "let a user who may write there run `stab-ros warm-up`, or name a fold
 
 
 def not_kept(trouble: str) -> str:
-    """What to say where the compiled kernels cannot be kept."""
+    """The warning that compiled kernels cannot be cached."""
     return one_line(f"compiled kernels cannot be kept, so each start takes longer ({trouble}); {_REMEDY}")
 
 
 def compile_shown() -> Compilation:
-    """Compiles all kernels of imported modules: a bar on a terminal, a line if it must be done anew each time.
+    """Compiles all kernels of imported modules; shows a progress bar on a terminal, and warns if they cannot be cached.
 
-    Ctrl-C takes effect between two kernels: raised within the compiler it may come out as another error, or not at all.
+    Ctrl-C takes effect between two kernels: the compiler may turn an exception into another one, or lose it.
     """
     bar: tqdm[None] | None = None
     with _interrupts_noted() as interrupted:
@@ -45,7 +45,7 @@ def compile_shown() -> Compilation:
         finally:
             if bar is not None:
                 bar.close()
-    if interrupted:  # while the last one was compiled
+    if interrupted:  # during the last kernel
         raise KeyboardInterrupt
     if done.trouble:
         print(f"stab-ros: warning: {not_kept(done.trouble)}", file=sys.stderr)
@@ -54,7 +54,7 @@ def compile_shown() -> Compilation:
 
 @contextmanager
 def _interrupts_noted() -> Iterator[list[int]]:
-    """Holds the number of each SIGINT that comes within it; only a main thread can be told of them."""
+    """Collects the SIGINTs that arrive in the block; only the main thread receives any."""
     noted: list[int] = []
     if current_thread() is not main_thread():
         yield noted
@@ -66,9 +66,14 @@ def _interrupts_noted() -> Iterator[list[int]]:
         signal.signal(signal.SIGINT, before)
 
 
+def compile_all() -> Compilation:
+    """Compiles the kernels of all engines, for `warm-up` and before several processes start that need them."""
+    import_module("stab_ros.parameters.engines")  # imports every module that has kernels
+    return compile_shown()
+
+
 def warm_up() -> str:
-    """Compiles all that nodes and commands need; what came of it, in a line."""
+    """Compiles all kernels; returns a line that says how many and how long it took."""
     started_s = time.monotonic()
-    import_module("stab_ros.parameters.engines")  # which needs all of them
-    done = compile_shown()
+    done = compile_all()
     return f"{done.total} kernels, of which {done.compiled} were compiled now, {time.monotonic() - started_s:.1f} s"

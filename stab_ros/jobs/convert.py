@@ -1,4 +1,4 @@
-"""Any input as an MCAP bag: the messages of a bag byte for byte, a video or a folder of images as raw images."""
+"""Converts any input into an MCAP bag: messages of a bag byte for byte, videos and folders of images as raw images."""
 
 from __future__ import annotations
 
@@ -6,17 +6,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stab_ros.core.errors import InputError
+from stab_ros.core.progress import Progress
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import BagWriter, Topic, open_bag
 from stab_ros.io.messages import header_of, image_cdr
 from stab_ros.io.outputs import check_output
 from stab_ros.io.source import Kind, Picture, kind_of, open_source
-from stab_ros.jobs.stabilize import Progress, expected
+from stab_ros.jobs.stabilize import expected
 
 
 @dataclass(frozen=True)
 class Conversion:
-    """What to convert. topic: of the images of a video or folder; of a bag, the one topic to keep (None: all)."""
+    """What to convert. topic: for the images of a video or folder; for a bag the only topic to keep (None: all)."""
 
     source: Path
     output: Path
@@ -28,18 +29,18 @@ class Conversion:
 
 @dataclass(frozen=True)
 class Converted:
-    """What came of it; `warnings` says, one line each, what was lost on the way."""
+    """The result of a conversion. warnings: what could not be read, one line each."""
 
     messages: int
     warnings: tuple[str, ...]
 
 
 def convert(job: Conversion, progress: Progress) -> Converted:
-    """Does the conversion.
+    """Runs the conversion.
 
     Raises:
-        InputError: what was given cannot be used; nothing is left behind.
-        WorkError: work broke off; the readable part stays under its `.partial` name.
+        InputError: an argument or the input is unusable; no output remains.
+        WorkError: the work could not be finished; the readable part remains under its `.partial` name.
     """
     check_output(job.output, ".mcap", job.source, job.force)
     steps = _copy_bag if kind_of(job.source) is Kind.BAG else _record_pictures

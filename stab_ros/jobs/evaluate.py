@@ -1,4 +1,4 @@
-"""`stab-ros evaluate`: the evaluator over every frame of a recording, for each of its picture streams."""
+"""`stab-ros evaluate`: runs the evaluator on every frame of each image stream of a recording."""
 
 from __future__ import annotations
 
@@ -6,34 +6,31 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from stab_ros.core.errors import MessageError
 from stab_ros.core.kernels import Compiler, compile_kernels
+from stab_ros.core.progress import Progress
 from stab_ros.core.settings import Value
-from stab_ros.core.types import BoolArray, Frame
-from stab_ros.evaluation.evaluator import Arrival, Evaluator, EvaluatorConfig
-from stab_ros.evaluation.frame_metrics import FrameMetrics, Outcome
+from stab_ros.core.types import Frame
+from stab_ros.evaluation.evaluator import Arrival, Evaluator
+from stab_ros.evaluation.frame_metrics import FrameMetrics
 from stab_ros.evaluation.pairing import Pairing
+from stab_ros.evaluation.results import Evaluation, TopicEvaluation
 from stab_ros.io.bag import Message
 from stab_ros.io.messages import IMAGE, read_homography, read_image, read_size
 from stab_ros.io.source import Picture
-from stab_ros.jobs.evaluate_streams import Stream, expected_pictures, open_streams
-from stab_ros.jobs.stabilize import Progress
+from stab_ros.jobs.evaluate_streams import ImageStream, expected_pictures, open_streams
 from stab_ros.jobs.stage import Stage
-from stab_ros.metrics.statistics import Summary, summarize
-from stab_ros.metrics.velocity_field import Field, mean_field
-from stab_ros.metrics.verification import VerificationPoint
 from stab_ros.parameters.engines import make_evaluator
 
-_WAITING_BYTES = 1 << 30  # of pictures whose homographies come later in the recording
+__all__ = ["EvaluationJob", "TopicEvaluation", "evaluate"]
+_WAITING_BYTES = 1 << 30  # of images whose homographies come later in the recording
 
 
 @dataclass(frozen=True)
 class EvaluationJob:
-    """What to evaluate; `values` as `checked_values` gives them for EVALUATOR_PARAMETERS.
+    """What to evaluate. values: checked parameters of the evaluator.
 
-    image_topics: none: the one there is, or the stabilised one and the raw one beside it.
+    image_topics: empty for the only one, or for the stabilised and the raw one of a camera.
     """
 
     source: Path
@@ -43,71 +40,19 @@ class EvaluationJob:
     fps: float | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class TopicEvaluation:
-    """What came of one stream. reference: its first picture, or the one that was given. static: (P,) bool, at the end.
-
-    rows: one for each frame. fps: of the stream, or as set.
-    """
-
-    topic: str
-    reference: Frame
-    points: tuple[VerificationPoint, ...]
-    static: BoolArray
-    rows: tuple[FrameMetrics, ...]
-    config: EvaluatorConfig
-    fps: float
-
-    @property
-    def measured(self) -> tuple[FrameMetrics, ...]:
-        """Those that statistics are made of: neither the reference nor what was lost."""
-        return tuple(row for row in self.rows if row.outcome is Outcome.MEASURED)
-
-    def count(self, outcome: Outcome) -> int:
-        return sum(row.outcome is outcome for row in self.rows)
-
-    def series(self, name: str) -> list[float]:
-        """A metric of all measured frames that have it."""
-        return [value for row in self.measured if (value := row[name]) is not None]
-
-    def summary(self, name: str) -> Summary | None:
-        return summarize(self.series(name))
-
-    def point_series(self, name: str, point: int) -> list[float]:
-        """A metric of one verification point, over all measured frames that have it."""
-        values = [row.points[name][point] for row in self.measured if name in row.points]
-        return [float(value) for value in values if np.isfinite(value)]
-
-    @property
-    def field(self) -> Field | None:
-        """The residual velocity field, mean over the frames that were checked."""
-        fields = [row.field for row in self.measured if row.field is not None]
-        return mean_field(fields) if fields else None
-
-
-@dataclass(frozen=True, eq=False)
-class Evaluation:
-    """What came of a job. frames: of the first stream. warnings: one line each, what could not be read."""
-
-    source: Path
-    frames: int
-    topics: tuple[TopicEvaluation, ...]
-    warnings: tuple[str, ...]
-
-
 def evaluate(job: EvaluationJob, progress: Progress, compiling: Compiler = compile_kernels) -> Evaluation:
-    """Does the job.
+    """Evaluates the recording.
 
     compiling: compiles all kernels, before the first frame.
 
     Raises:
-        InputError: what was given cannot be used.
+        InputError: an argument or the input is unusable.
     """
     make_evaluator(job.values)  # refuses wrong settings before anything is read
     topics: list[TopicEvaluation] = []
     warnings: list[str] = []
     with open_streams(job.source, job.image_topics, job.fps) as streams:
-        counter = _Counter(progress, expected_pictures(streams, job.limit))
+        counter = _StreamsProgress(progress, expected_pictures(streams, job.limit))
         compiling()
         for stream in streams:
             work = _Work(stream, make_evaluator(job.values), counter)
@@ -116,7 +61,7 @@ def evaluate(job: EvaluationJob, progress: Progress, compiling: Compiler = compi
     return Evaluation(job.source, len(topics[0].rows), tuple(topics), tuple(dict.fromkeys(warnings)))
 
 
-class _Counter:
+class _StreamsProgress:
     """Progress over all streams."""
 
     def __init__(self, progress: Progress, total: int | None) -> None:
@@ -130,9 +75,9 @@ class _Counter:
 
 
 class _Work:
-    """One stream through its evaluator; pictures that cannot be used are counted."""
+    """Runs one stream through its evaluator, and counts unusable images."""
 
-    def __init__(self, stream: Stream, evaluator: Evaluator, counter: _Counter) -> None:
+    def __init__(self, stream: ImageStream, evaluator: Evaluator, counter: _StreamsProgress) -> None:
         self._stream = stream
         self._evaluator = evaluator
         self._counter = counter
@@ -156,14 +101,14 @@ class _Work:
         return found
 
     def run(self, job: EvaluationJob) -> TopicEvaluation:
-        """Reads here, measures on another thread, in order."""
+        """Reads on this thread and measures on another one, in order."""
         with Stage(self._step) as measuring:
             for item in self._stream.source.items(job.limit, self._stream.others):
                 measuring.put(item)
         for arrival in self._pairing.flush():
             self._measure(arrival)
         reference, config = self._evaluator.reference, self._evaluator.config
-        assert reference is not None  # a stream without one readable picture is an error of the source
+        assert reference is not None  # a source without a readable image raises
         return TopicEvaluation(
             self._stream.source.image_topic, reference, self._evaluator.points, self._evaluator.static,
             tuple(self._rows), config, config.fps or job.fps or self._stream.source.rate_hz())

@@ -1,4 +1,4 @@
-"""Which streams of pictures a recording holds, and which homographies and reference belong to them."""
+"""The image streams of a recording, and the topics of their homographies and references."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ _STABILIZED, _RAW = "image_stabilized", ("image_raw", "image_raw/compressed")
 
 
 @dataclass(frozen=True, eq=False)
-class Stream:
-    """One topic of pictures, and what belongs to it: the topics of its homographies and of its reference."""
+class ImageStream:
+    """An image topic, and the topics of its homographies and of its reference."""
 
     source: Source
     homography: str | None = None
@@ -39,39 +39,39 @@ class Stream:
 
 
 @contextmanager
-def open_streams(path: Path, image_topics: Sequence[str], fps: float | None) -> Iterator[Sequence[Stream]]:
-    """The streams of an input; no `image_topics`: the one there is, or the raw and the stabilised one of a camera.
+def open_streams(path: Path, image_topics: Sequence[str], fps: float | None) -> Iterator[Sequence[ImageStream]]:
+    """Opens the streams of an input; empty `image_topics`: the only one, or the raw and the stabilised one of a camera.
 
     Raises:
-        InputError: the input is missing, is none of the kinds we read, or leaves a choice.
+        InputError: the input is missing, of an unknown kind, or ambiguous.
     """
     with ExitStack() as stack:
         if kind_of(path) is not Kind.BAG:
             topic = image_topics[0] if image_topics else None
-            yield [Stream(stack.enter_context(open_source(path, topic, fps)))]
+            yield [ImageStream(stack.enter_context(open_source(path, topic, fps)))]
             return
         reader = stack.enter_context(open_bag(path))
         names = choose_topics(str(path), reader.topics, image_topics)
         yield [_stream(BagSource(path, reader, name)) for name in names]
 
 
-def _stream(source: BagSource) -> Stream:
-    """Homographies belong to what they have brought in place, not to the raw pictures."""
+def _stream(source: BagSource) -> ImageStream:
+    """A stream with its topics; only a stabilised one has homographies and a reference."""
     namespace = namespace_of(source.topics[source.image_topic])
     if source.image_topic != f"{namespace}/{_STABILIZED}":
-        return Stream(source)
+        return ImageStream(source)
     homography = source.topics.get(f"{namespace}/homography")
     known = homography is not None and homography.msgtype == CAMERA_INFO and homography.count
     references = [topic.name for topic in source.topics.values() if topic.msgtype == IMAGE
                   and topic.name.startswith(f"{namespace}/") and topic.name.endswith(REFERENCE_IMAGE)]
-    return Stream(source, homography.name if homography and known else None, *references[:1])
+    return ImageStream(source, homography.name if homography and known else None, *references[:1])
 
 
 def choose_topics(name: str, topics: Mapping[str, Topic], wanted: Sequence[str]) -> Sequence[str]:
-    """Which picture topics of a bag to evaluate, the raw one first.
+    """The image topics of a bag to evaluate, the raw one first.
 
     Raises:
-        InputError: there is none, or not the wanted one, or it takes a choice.
+        InputError: there is none, the wanted one is missing, or the choice is ambiguous.
     """
     images = sorted(topic.name for topic in topics.values() if topic.msgtype in IMAGE_TYPES)
     unknown = [topic for topic in wanted if topic not in images]
@@ -93,7 +93,7 @@ def _no_images(name: str) -> list[str]:
 
 
 def _raw_and_stabilized(filled: Sequence[str]) -> list[str] | None:
-    """The two streams of the one camera that was stabilised; None if there is another choice."""
+    """The raw and the stabilised topic of the only stabilised camera; None if the choice is ambiguous."""
     stabilized = [topic for topic in filled if topic.endswith(f"/{_STABILIZED}")]
     if len(stabilized) != 1:
         return None
@@ -103,8 +103,8 @@ def _raw_and_stabilized(filled: Sequence[str]) -> list[str] | None:
     return None if strangers else [*raw[:1], *stabilized]
 
 
-def expected_pictures(streams: Sequence[Stream], limit: int | None) -> int | None:
-    """How many pictures all streams have together, at most `limit` each; None where an input does not say."""
+def expected_pictures(streams: Sequence[ImageStream], limit: int | None) -> int | None:
+    """Number of images of all streams, at most `limit` of each; None if unknown."""
     counts = [stream.source.count if limit is None else min(stream.source.count or limit, limit) for stream in streams]
     known = [count for count in counts if count is not None]
     return sum(known) if len(known) == len(counts) else None

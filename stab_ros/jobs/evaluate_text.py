@@ -1,19 +1,19 @@
-"""What an evaluation found, as tables to read on a terminal."""
+"""An evaluation as tables for a terminal."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
 from stab_ros.evaluation.frame_metrics import UNITS, Outcome
-from stab_ros.jobs.evaluate import Evaluation, TopicEvaluation
-from stab_ros.jobs.evaluate_files import findings_of, unrest_px
+from stab_ros.evaluation.results import Evaluation, TopicEvaluation
+from stab_ros.evaluation.summary import findings_of, unrest_px
 from stab_ros.metrics.statistics import Summary, summarize
 
 _WORST = 5  # findings that are shown
 
 
 def as_text(evaluation: Evaluation) -> str:
-    """Metrics of all streams side by side, then frames, velocity field, points and findings of each."""
+    """The metrics of all streams side by side, then frames, velocity field, points and findings of each."""
     blocks = [_metrics_table(evaluation.topics)]
     for topic in evaluation.topics:
         blocks += [_frames_line(topic), *_svf_table(topic), *_points_table(topic), *_finding_lines(topic)]

@@ -1,4 +1,4 @@
-"""What an input holds, as lines of text."""
+"""The content of an input, as lines of text."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from stab_ros.io.source import IMAGE_TYPES, Kind, kind_of, open_source
 
 
 def describe(path: Path) -> tuple[list[str], list[str]]:
-    """Lines for the reader, and warnings on what cannot be read.
+    """The lines, and warnings about unreadable parts.
 
     Raises:
-        InputError: the input is missing or cannot be read at all.
+        InputError: the input is missing or unreadable.
     """
     if kind_of(path) is not Kind.BAG:
         return _describe_pictures(path)

@@ -1,4 +1,4 @@
-"""The steps behind reading: track every picture, write what comes of it. Each step runs on a thread of its own."""
+"""Reading, tracking and writing of every frame, each on its own thread."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from stab_ros.jobs.stage import Stage
 from stab_ros.tracking.stabilizer import Stabilizer
 from stab_ros.tracking.static_map import StaticMap
 
-# called after every frame with how many are done
-Progress = Callable[[int], None]
-# the pictures of the input once more, from a number on
+# called after every frame with the number of frames done
+OnFrame = Callable[[int], None]
+# reads the input again, from a frame number on
 ReadAgain = Callable[[int], Generator[Picture, None, None]]
 
 
 @dataclass(frozen=True, eq=False)
-class Result:
-    """One picture, its number in the input, and its track.
+class TrackedFrame:
+    """One frame, its number in the input, and its track.
 
-    image: the picture in the reference's place; None: not wanted. image_cdr: its message. static_map: where
-    ground is, if that has become known or has changed with this picture.
+    image: the frame warped to the reference; None: not needed. image_cdr: its message. static_map: the new static map,
+    if this frame has changed it.
     """
 
     number: int
@@ -44,7 +44,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Outputs:
-    """Where results go."""
+    """The writers of the outputs."""
 
     bag: StabilizedBag
     table: HomographyWriter | None
@@ -54,7 +54,7 @@ class Outputs:
     def need_image(self) -> bool:
         return self.bag.with_image or self.video is not None
 
-    def write(self, result: Result) -> None:
+    def write(self, result: TrackedFrame) -> None:
         frame = result.picture.decoded
         self.bag.write(result.picture, result.track, result.image_cdr, result.reference_size, result.static_map)
         if self.table is not None:
@@ -65,14 +65,14 @@ class Outputs:
 
 @dataclass
 class Counts:
-    """What has been written. unused: pictures that cannot be decoded or tracked; `problem` is that of the first."""
+    """Numbers of written frames. unused: frames that cannot be decoded or tracked. problem: that of the first such."""
 
     frames: int = 0
     tracked: int = 0
     unused: int = 0
     problem: str = ""
 
-    def add(self, result: Result) -> None:
+    def add(self, result: TrackedFrame) -> None:
         self.frames += 1
         self.tracked += result.track.tracked
         if not isinstance(result.picture.decoded, Frame):
@@ -80,12 +80,12 @@ class Counts:
             self.problem = self.problem or str(result.picture.decoded)
 
 
-def run(items: Iterable[Picture | Message], stabilizer: Stabilizer, outputs: Outputs, progress: Progress,
+def run(items: Iterable[Picture | Message], stabilizer: Stabilizer, outputs: Outputs, progress: OnFrame,
         read_again: ReadAgain) -> Counts:
-    """Reads here, tracks and writes on two more threads, each a frame or two behind the other, all in order."""
+    """Reads on this thread, tracks and writes on two others, each up to two frames behind, all in order."""
     tracker, counts = PictureTracker(stabilizer, outputs.need_image, read_again), Counts()
 
-    def write(item: Result | Message) -> None:
+    def write(item: TrackedFrame | Message) -> None:
         if isinstance(item, Message):
             outputs.bag.take_over(item)
             return
@@ -103,10 +103,10 @@ def run(items: Iterable[Picture | Message], stabilizer: Stabilizer, outputs: Out
 
 
 class PictureTracker:
-    """The stabilizer over pictures, of which some cannot be used: those are lost, and counted as frames.
+    """Runs the stabilizer over all frames; undecodable ones count as lost frames.
 
-    While the stabilizer defers its answers it is led ahead through the pictures, which are not kept but read again;
-    so every picture has its answer when its turn comes.
+    While the stabilizer fills its start-up buffer, it runs ahead through the input; the frames are not kept but read
+    again. So every frame has its track when its turn comes.
     """
 
     def __init__(self, stabilizer: Stabilizer, need_image: bool, read_again: ReadAgain) -> None:
@@ -119,11 +119,15 @@ class PictureTracker:
 
     @property
     def ahead(self) -> int:
-        """How many pictures after the last one are answered already."""
+        """Number of frames after the current one whose track is known already."""
         return len(self._ahead)
 
-    def step(self, picture: Picture) -> Result:
-        """Raises InputError if what the user gave does not fit the first reference; later that is a picture lost."""
+    def step(self, picture: Picture) -> TrackedFrame:
+        """Tracks the next frame.
+
+        Raises:
+            InputError: a region or a point of the user does not fit the first reference; later such a frame is lost.
+        """
         self._number += 1
         if isinstance(picture.decoded, MessageError):
             return self._result(picture, self._lost(picture))
@@ -133,13 +137,13 @@ class PictureTracker:
         return self._result(picture, track, *(self._warped(picture.decoded, track) if self._need_image else ()))
 
     def _warped(self, frame: Frame, track: Track) -> tuple[Image | None, bytes | None]:
-        """The picture in the reference's place, and its message."""
+        """The frame warped to the reference, and its message."""
         message = OutgoingImage(frame.encoding, header_of(frame))
         image = self._stabilizer.warp(frame, track, message.allocate)
         return image, None if image is None else message.cdr(image)
 
     def _track(self, frame: Frame) -> Track | InputError:
-        """The answer for the picture whose turn it is, or why there is none."""
+        """The track of the current frame, or why it has none."""
         if self._number in self._ahead:
             return self._ahead.pop(self._number)
         try:
@@ -149,12 +153,12 @@ class PictureTracker:
                 raise
             return error
         if self._stabilizer.buffering:
-            self._look_ahead()
+            self._run_ahead()
         return track
 
-    def _look_ahead(self) -> None:
-        """Leads the stabilizer on until it has answered everything it has seen."""
-        numbers: dict[int, int] = {}  # by index of the stabilizer's frames
+    def _run_ahead(self) -> None:
+        """Runs the stabilizer ahead until its start-up buffer is empty."""
+        numbers: dict[int, int] = {}  # of the input, by index of the stabilizer
         with closing(self._read_again(self._number + 1)) as pictures:
             for number, picture in enumerate(pictures, self._number + 1):
                 if isinstance(picture.decoded, Frame):
@@ -178,9 +182,9 @@ class PictureTracker:
             self._ahead[numbers[track.index]] = track
 
     def _result(self, picture: Picture, track: Track, image: Image | None = None,
-                image_cdr: bytes | None = None) -> Result:
+                image_cdr: bytes | None = None) -> TrackedFrame:
         size = picture.decoded.size if track.tracked and isinstance(picture.decoded, Frame) else self._reference_size
-        return Result(self._number, picture, track, image, image_cdr, size, self._new_map(size))
+        return TrackedFrame(self._number, picture, track, image, image_cdr, size, self._new_map(size))
 
     @property
     def _reference_size(self) -> tuple[int, int] | None:
@@ -188,7 +192,7 @@ class PictureTracker:
         return None if reference is None else reference.size
 
     def _new_map(self, size: tuple[int, int] | None) -> StaticMap | None:
-        """The static map of a reference of this size, if it has not been given out yet."""
+        """The static map of a reference of this size, unless it has been returned before."""
         static_map = self._stabilizer.static_map
         if static_map is None or static_map is self._shown_map or static_map.size != size:
             return None

@@ -1,4 +1,4 @@
-"""Progress bars: on a terminal alone, gone when they are done."""
+"""Progress bars: only on a terminal, removed at the end."""
 
 from __future__ import annotations
 
@@ -9,6 +9,6 @@ from tqdm import tqdm
 
 
 def make_bar(unit: str, **options: Any) -> tqdm[None]:
-    """A bar that counts so many `unit`; options: of tqdm."""
-    columns, lines = shutil.get_terminal_size()  # where a terminal says 0, tqdm alone would show nothing
+    """A bar that counts items of the kind `unit`. options: those of tqdm."""
+    columns, lines = shutil.get_terminal_size()  # tqdm shows nothing on a terminal of size 0
     return tqdm(unit=f" {unit}", ncols=min(100, columns), nrows=lines, disable=None, leave=False, **options)

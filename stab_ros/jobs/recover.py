@@ -1,4 +1,4 @@
-"""Makes a whole recording of a damaged one: every closed chunk whose CRC is right."""
+"""Recovers a damaged MCAP file: every complete chunk with a correct CRC."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from stab_ros.io.mcap_reader import McapReader
 
 @dataclass(frozen=True)
 class Recovered:
-    """What a recovery saved; warnings say what was lost, one line each."""
+    """The result of a recovery. warnings: what was lost, one line each."""
 
     messages: int
     topics: int

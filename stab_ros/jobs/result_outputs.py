@@ -1,4 +1,4 @@
-"""Where results are written to: refused before any work if they cannot be, and complete under their final names."""
+"""The output files of a command: checked before any work, and complete under their final names."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ JSON_NAME, CSV_NAME = "metrics.json", "metrics.csv"  # in the folder of the repo
 
 @dataclass(frozen=True)
 class Writers:
-    """What writes each kind of file to a path; `report` into a folder that exists, and says what to open there."""
+    """Functions that write each kind of file; `report` writes into an existing folder and returns the page to open."""
 
     json: Callable[[Path], None]
     csv: Callable[[Path], None]
@@ -23,14 +23,14 @@ class Writers:
 
 @dataclass(frozen=True)
 class ResultOutputs:
-    """Any of: a JSON file, a CSV file, and a folder with both and the report."""
+    """The requested files: JSON, CSV, and a report folder that holds both as well."""
 
     json: Path | None = None
     csv: Path | None = None
     report: Path | None = None
 
     def check(self, source: Path, force: bool) -> None:
-        """Raises InputError for what cannot be written, or exists (without `force`)."""
+        """Raises InputError for an output that cannot be written, or that exists (without `force`)."""
         for path, suffix in ((self.json, ".json"), (self.csv, ".csv")):
             if path is not None:
                 check_output(path, suffix, source, force)
@@ -38,7 +38,7 @@ class ResultOutputs:
             _check_folder(self.report, force)
 
     def write(self, writers: Writers) -> dict[str, Path]:
-        """What was written, by kind.
+        """Writes the files, and returns their paths by kind.
 
         Raises:
             InputError: a folder cannot be written into. WorkError: the disk is full.

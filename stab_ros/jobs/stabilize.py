@@ -1,15 +1,16 @@
-"""A recorded flight in, a stabilised bag out: the engine without a ROS graph, every frame processed, deterministic."""
+"""`stab-ros stabilize`: a recording into a stabilised bag, without ROS; processes every frame, deterministically."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from stab_ros.core.kernels import Compiler, compile_kernels
+from stab_ros.core.progress import Progress
 from stab_ros.core.settings import Value
 from stab_ros.core.types import Frame
 from stab_ros.imaging.camera import Camera
@@ -25,13 +26,10 @@ from stab_ros.parameters.engines import make_stabilizer
 from stab_ros.parameters.table import PARAMETERS
 from stab_ros.tracking.stabilizer import Stabilizer
 
-# called after every frame with how many are done, and of how many (None: the input does not say)
-Progress = Callable[[int, int | None], None]
-
 
 @dataclass(frozen=True)
 class Job:
-    """What to stabilise and what to write; `values` as `checked_values` gives them."""
+    """What to stabilise and what to write. values: checked parameters of the tracker."""
 
     source: Path
     output: Path
@@ -47,8 +45,8 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Summary:
-    """What came of a job; `warnings` says, one line each, what was lost on the way."""
+class Stabilization:
+    """The result of a job. warnings: what was lost, one line each."""
 
     frames: int
     tracked: int
@@ -60,14 +58,14 @@ class Summary:
         return self.frames - self.tracked
 
 
-def stabilize(job: Job, progress: Progress, compiling: Compiler = compile_kernels) -> Summary:
-    """Does the job.
+def stabilize(job: Job, progress: Progress, compiling: Compiler = compile_kernels) -> Stabilization:
+    """Stabilises the recording.
 
     compiling: compiles all kernels, before the first frame.
 
     Raises:
-        InputError: what was given cannot be used; nothing is left behind.
-        WorkError: work broke off; the readable part stays under its `.partial` name.
+        InputError: an argument or the input is unusable; no output remains.
+        WorkError: the work could not be finished; the readable part remains under its `.partial` name.
     """
     _check_outputs(job)
     with open_source(job.source, job.image_topic, job.fps) as source:
@@ -81,11 +79,11 @@ def stabilize(job: Job, progress: Progress, compiling: Compiler = compile_kernel
                          partial(read_again, job.source, job.image_topic, job.fps, job.limit))
         warnings = (*_replaced(source, outputs.bag.replaced), *source.warnings, *_unused(source, counts),
                     *_without_reference(source, stabilizer.reference), *_remarks(source, stabilizer))
-    return Summary(counts.frames, counts.tracked, time.monotonic() - started_s, warnings)
+    return Stabilization(counts.frames, counts.tracked, time.monotonic() - started_s, warnings)
 
 
 def expected(count: int | None, limit: int | None) -> int | None:
-    """How many pictures there will be, of `count` in the input."""
+    """Number of images to process, of `count` in the input; None if unknown."""
     known = [number for number in (count, limit) if number is not None]
     return min(known, default=None)
 
@@ -102,7 +100,7 @@ def _check_outputs(job: Job) -> None:
 
 @contextmanager
 def _open_outputs(job: Job, source: Source, camera: Camera | None, window: Window) -> Iterator[Outputs]:
-    """Leaving on an error, the writers close first, so that what stays behind can be read."""
+    """Opens all writers. On an error they close first, so that the partial output is readable."""
     with ExitStack() as stack:
         writer = stack.enter_context(BagWriter(job.output, overwrite=job.force))
         table_path = stack.enter_context(completed(job.homographies)) if job.homographies else None

@@ -1,4 +1,4 @@
-"""The bag that stabilisation makes: what it adds for every frame, and what it takes over from the input."""
+"""The output bag of a stabilisation: the new messages of every frame, and the copied messages of the input."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from stab_ros.tracking.static_map import StaticMap
 
 @dataclass(frozen=True)
 class Names:
-    """The topics that are made from one image topic; `image` is None with --no-image."""
+    """The output topics of one image topic; `image` is None with --no-image."""
 
     homography: str
     track: str
@@ -39,16 +39,16 @@ class Names:
 
 
 def names_for(image_topic: Topic, with_image: bool) -> Names:
-    """The topics made from `image_topic`."""
+    """The output topics of `image_topic`."""
     namespace = namespace_of(image_topic)
     image = f"{namespace}/image_stabilized" if with_image else None
     return Names(f"{namespace}/homography", f"{namespace}/track", f"{namespace}{STATIC_MAP}", image)
 
 
 class StabilizedBag:
-    """Writes homography, track and stabilised image of every frame, and the input's other messages byte for byte.
+    """Writes homography, track and stabilised image of every frame, and copies the other messages byte for byte.
 
-    The static map is written whenever it changes. A topic of the input that bears the name of one we make is left out
+    It writes the static map whenever it changes. An input topic with the name of an output topic is left out
     (`replaced`).
 
     Raises:
@@ -57,7 +57,7 @@ class StabilizedBag:
 
     def __init__(self, writer: BagWriter, source: Source, camera: Camera | None, with_image: bool, keep_raw: bool,
                  window: Window) -> None:
-        """window: what the stabilised images show of the reference."""
+        """window: the part of the reference that the stabilised images show."""
         self.with_image = with_image
         self._writer = writer
         self._camera = camera
@@ -79,7 +79,7 @@ class StabilizedBag:
 
     def write(self, picture: Picture, track: Track, image: bytes | None, reference_size: tuple[int, int] | None,
               static_map: StaticMap | None) -> None:
-        """All messages of one frame, logged when that was. image: its message. static_map: where it has changed."""
+        """Writes all messages of one frame, with its log time. image: its message. static_map: None if unchanged."""
         if self._raw_topic.name in self._taken_over:
             self._write_raw(picture)
         frame = picture.decoded

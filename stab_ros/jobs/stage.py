@@ -1,4 +1,4 @@
-"""Steps of a pipeline that overlap in time: the next frame is read while this one is tracked and the last written."""
+"""Pipeline stages that run in parallel: one frame is read while another is tracked and a third is written."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ T = TypeVar("T")
 
 
 class Stage(Generic[T]):
-    """Does `work` on every item that is put, in order, on one thread of its own, at most `depth` items behind.
+    """Runs `work` on every item, in order, on its own thread, at most `depth` items behind.
 
-    What `work` raises comes out of a later `put` or of the end of the `with` block; items behind it are dropped.
+    An exception of `work` is raised by a later `put` or at the end of the `with` block; the items behind it are
+    dropped.
     """
 
     def __init__(self, work: Callable[[T], None], depth: int = 2) -> None:

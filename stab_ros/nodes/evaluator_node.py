@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -16,7 +16,7 @@ from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.gray import without_colour
 from stab_ros.core.kernels import Compilation, compile_kernels
 from stab_ros.core.memory import give_back_memory
-from stab_ros.core.settings import Checked, Value, setting
+from stab_ros.core.settings import Value
 from stab_ros.core.types import Frame
 from stab_ros.evaluation.evaluator import Arrival, Evaluator
 from stab_ros.evaluation.findings import Level, findings
@@ -40,6 +40,7 @@ from stab_ros.nodes.qos import AdaptiveSubscription, Choice, keep_all_offered, l
 from stab_ros.nodes.runtime import StabNode
 from stab_ros.nodes.spinner import Spinner
 from stab_ros.parameters.engines import make_evaluator
+from stab_ros.parameters.node_settings import EvaluatorSettings
 from stab_ros.parameters.table import EVALUATOR_PARAMETERS, evaluator_config
 
 _IMAGE, _HOMOGRAPHY, _REFERENCE = "image_stabilized", "homography", "tracker_node/reference_image"
@@ -52,19 +53,6 @@ _DISCOVERY_NS = SECOND_NS // 2  # by then the publisher of references is known, 
 _PICTURE_LIMIT_NS = SECOND_NS  # a picture that the next frame's homography overtook by so much will not come any more
 _HOMOGRAPHY_LIMIT_NS = 4 * SECOND_NS  # what Fast DDS lost comes again after 3 s, unless a profile says otherwise
 _FIX = "let it offer RELIABLE or BEST_EFFORT, VOLATILE or TRANSIENT_LOCAL"
-
-
-@dataclass(frozen=True)
-class EvaluatorSettings(Checked):
-    """What belongs to the node and not to the engine."""
-
-    window_s: float = setting(60.0, "statistics on /diagnostics are over the last so many seconds, s", 1.0, 86400.0)
-    alarm_s: float = setting(3.0, "/diagnostics tells a problem of a frame for so long, s", 1.0, 3600.0)
-    stale_s: float = setting(1.0, "free to take an image, and without one for so long, the stream counts as stopped, s",
-                             0.05, 3600.0)
-    backlog_mb: float = setting(512.0, "pictures that may wait to be measured, MB in gray; more than half: RMSE and "
-                                "velocity field are skipped; all: the oldest frame is skipped", 0.1, 1e6)
-    wait_for_subscribers: int = setting(0, "take images only once so many subscribers match ~/metrics", 0, 1000)
 
 
 SETTINGS = params.table_of(EvaluatorSettings)

@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.kernels import Compilation, compile_kernels
 from stab_ros.core.memory import give_back_memory
-from stab_ros.core.settings import Checked, Value, setting
+from stab_ros.core.settings import Value
 from stab_ros.core.timeline import Advance
 from stab_ros.core.types import Frame, State, Track
 from stab_ros.io.messages import (
@@ -44,6 +44,7 @@ from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.stamp_watch import StampWatch
 from stab_ros.nodes.tracker_status import TrackerStatus
 from stab_ros.parameters.engines import make_stabilizer, reconfigure
+from stab_ros.parameters.node_settings import TrackerSettings
 from stab_ros.parameters.table import PARAMETERS, check_change, table_with_preset
 from stab_ros.tracking.debug_image import draw_debug
 from stab_ros.tracking.reference import SMALLEST_PX
@@ -54,20 +55,6 @@ from stab_ros.tracking.static_map import StaticMap
 _LOOK_NS = SECOND_NS // 10  # how often subscribers and publishers are looked at
 _WARN_EVERY_S = 5.0
 _HELD_IMAGES = 100  # until the first camera_info
-
-
-@dataclass(frozen=True)
-class TrackerSettings(Checked):
-    """What belongs to the node and not to the engine."""
-
-    queue_depth: int = setting(1, "1: the newest frame wins; 0: every frame is kept, RELIABLE", 0, 1)
-    image_transport: str = setting("raw", "subscribe to image_raw or to image_raw/compressed",
-                                   choices=("raw", "compressed"))
-    wait_for_subscribers: int = setting(0, "take images only once so many subscribers match homography", 0, 1000)
-    stale_s: float = setting(2.0, "free to take an image, and without one for so long, the state is STALE, s", 0.05,
-                             3600.0)
-    reference_path: str = setting("", "an .mcap file that the reference is saved to, and that a tracker goes on from "
-                                  'when it is started again; "": each start has a reference of its own')
 
 
 SETTINGS = params.table_of(TrackerSettings)

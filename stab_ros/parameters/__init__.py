@@ -1,1 +1,1 @@
-"""All parameters by name, presets of them, and the engines they make."""
+"""The parameters of engines and nodes by name, presets, parameter files, and the engines made from them."""

@@ -1,8 +1,9 @@
-"""The tools of the papers under their names: a method, and the values its paper gives the other parameters.
+"""Presets: the tools of the papers, each as a method and the parameter values of its paper.
 
 Values are those of Table A1 of Ljubicic et al. 2021 (its Kolubara column; `_alpine` and `_basento` carry the others
-where they differ), of section 3 of Zhang et al. 2023 and of section 2.1 of Perks 2020. Where a paper is silent, the
-tool's own default stands, or what its published source does. The numbers of points count where the user names none.
+where they differ), of section 3 of Zhang et al. 2023 and of section 2.1 of Perks 2020. Values that a paper does not
+give are the defaults of the tool, or those of its published source. The numbers of points apply where the user gives
+none.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ from types import MappingProxyType
 
 from stab_ros.core.settings import Value
 
-# Least squares takes all points; the threshold only says which of them count as inliers. An affine or similarity model
-# alone misses the points by up to 1.2 px.
+# Least squares uses all points; the threshold only decides which of them count as inliers. The residuals of an affine
+# or similarity model reach 1.2 px.
 _LEAST_SQUARES: Mapping[str, Value] = {"estimator": "least_squares", "threshold": 3.0, "reference": "fixed"}
 _MANUAL: Mapping[str, Value] = {**_LEAST_SQUARES, "min_inliers": 4}
 
@@ -77,6 +78,6 @@ _OF_THE_PAPERS: Mapping[str, Mapping[str, Value]] = {
                      "region.min_distance": 120.0, "region.margin": 16, **_BASENTO_AREAS},
 }
 # name -> parameter -> value; "method" is one of METHODS, explicit parameters override the others. The tools of the
-# papers judge each frame as it comes, so none of them has a deferred start.
+# papers register each frame as it arrives, so none of them has a start-up buffer.
 PRESETS: Mapping[str, Mapping[str, Value]] = MappingProxyType(
     {name: {"start_s": 0.0, **values} for name, values in _OF_THE_PAPERS.items()})

@@ -1,16 +1,15 @@
-"""All parameters of the engines by name, as ROS nodes and the command line's `-p name:=value` know them."""
+"""All parameters of the engines by name, for ROS nodes and for `-p name:=value` on the command line."""
 
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from stab_ros.core.errors import ConfigError
-from stab_ros.core.settings import Range, Value, checked, settings_of
-from stab_ros.evaluation.evaluator import EvaluatorConfig
+from stab_ros.core.settings import Range, Value, checked, did_you_mean, settings_of
+from stab_ros.evaluation.settings import EvaluatorConfig
 from stab_ros.methods import METHODS
 from stab_ros.parameters.presets import PRESETS
 from stab_ros.tracking.settings import StabilizerConfig
@@ -18,53 +17,54 @@ from stab_ros.tracking.settings import StabilizerConfig
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter's name, its default (which gives its type) and what it accepts."""
+    """Name, default (which sets the type) and accepted values of a parameter."""
 
     name: str
     default: Value
     limits: Range
 
 
-_REGION = 'JSON [[[x, y], ...], ...] in reference px, or the path of such a .json or of a PNG mask; "" for none'
+_REGION = 'JSON [[[x, y], ...], ...] in reference pixels, or the path of a .json file or of a PNG mask; "": none'
 
 
 def parameters_of(config: type[Any], prefix: str = "") -> Iterator[Parameter]:
-    """The parameters that the fields of a settings dataclass stand for."""
+    """One parameter for each field of a settings dataclass."""
     for name, default, limits in settings_of(config):
         yield Parameter(prefix + name, default, limits)
 
 
 def _areas() -> Iterator[Parameter]:
-    yield Parameter("roi", "", Range(f"where static ground is: {_REGION}"))
-    yield Parameter("exclude", "", Range(f"what to leave out, e.g. the water: {_REGION}"))
+    yield Parameter("roi", "", Range(f"Region of static ground: {_REGION}"))
+    yield Parameter("exclude", "", Range(f"Region to ignore, for example the water: {_REGION}"))
 
 
 def _of_the_tracker() -> Iterator[Parameter]:
     for one in parameters_of(StabilizerConfig):
         yield _method_or_preset(one) if one.name == "method" else one
     yield from _areas()
-    yield Parameter("static_map", "", Range("a static map of the same reference, as saved before: the path of a bag "
-                                            'that stabilize has written, or of a PNG (white: static ground); "": the '
-                                            "map is found out at the start"))
-    yield Parameter("points_file", "", Range("a CSV name,x,y of points in reference px for the method to go by, for "
-                                             'methods that take points; "": it chooses them itself'))
-    yield Parameter("manual_points", "", Range("the same as JSON [[x, y], ...]"))
-    yield Parameter("use_camera_info", False, Range("remove lens distortion as camera_info describes it"))
+    yield Parameter("static_map", "", Range("Path of a static map of the same reference: a bag written by stabilize, "
+                                            'or a PNG (white: static ground); "": the map is estimated at the start'))
+    yield Parameter("points_file", "", Range("Path of a CSV file name,x,y with the points to track, in reference "
+                                             'pixels, for methods that take points; "": the method chooses them'))
+    yield Parameter("manual_points", "", Range("Points to track as JSON [[x, y], ...] in reference pixels, in place of "
+                                               "points_file"))
+    yield Parameter("use_camera_info", False, Range("Whether to remove lens distortion with the calibration of "
+                                                    "camera_info"))
     for name, method in METHODS.items():
         yield from parameters_of(method.Config, f"{name}.")
 
 
 def _method_or_preset(method: Parameter) -> Parameter:
     choices = (*method.limits.choices, *PRESETS)
-    doc = f"{method.limits.doc}; a preset stands for a method and values of other parameters"
+    doc = f"{method.limits.doc}; a preset selects a method and sets other parameters"
     return dataclasses.replace(method, limits=dataclasses.replace(method.limits, doc=doc, choices=choices))
 
 
 def _of_the_evaluator() -> Iterator[Parameter]:
     yield from parameters_of(EvaluatorConfig)
     yield from _areas()
-    yield Parameter("points_file", "", Range("a CSV name,x,y with verification points in reference px; "
-                                             '"": chosen in the reference'))
+    yield Parameter("points_file", "", Range("Path of a CSV file name,x,y with verification points in reference "
+                                             'pixels; "": chosen in the reference frame'))
 
 
 Table = Mapping[str, Parameter]
@@ -73,7 +73,7 @@ EVALUATOR_PARAMETERS: Table = {parameter.name: parameter for parameter in _of_th
 
 
 def checked_values(values: Mapping[str, object], table: Table = PARAMETERS) -> dict[str, Value]:
-    """`values` with the types of `table`.
+    """`values` converted to the types of `table`.
 
     Raises:
         ConfigError: an unknown name, a wrong type, or out of range.
@@ -84,21 +84,21 @@ def checked_values(values: Mapping[str, object], table: Table = PARAMETERS) -> d
 def _checked(name: str, value: object, table: Table) -> Value:
     parameter = table.get(name)
     if parameter is None:
-        near = difflib.get_close_matches(name, table, n=3) or sorted(table)
-        raise ConfigError(f"parameter {name!r} is unknown, did you mean {', '.join(near)}?")
+        meant = did_you_mean(name, table) or f"it must be one of {', '.join(sorted(table))}"
+        raise ConfigError(f"parameter {name!r} is unknown, {meant}")
     if not isinstance(value, (bool, int, float, str)):
         raise ConfigError(f"{name}: {value!r} must be one {type(parameter.default).__name__}")
     return checked(name, value, parameter.default, parameter.limits)
 
 
 def resolved(values: Mapping[str, Value]) -> dict[str, Value]:
-    """`values` with those of the preset that `method` names below them, and the preset's method in its place."""
+    """`values` over those of the preset that `method` names, and with the method of the preset."""
     preset = PRESETS.get(str(values.get("method", "")))
     return dict(values) if preset is None else {**preset, **values, "method": preset["method"]}
 
 
 def table_with_preset(method: object) -> Table:
-    """PARAMETERS with the defaults that a preset of this name gives them; as they are for any other name."""
+    """PARAMETERS with the defaults of the preset `method`; unchanged for any other name."""
     if not isinstance(method, str) or method not in PRESETS:
         return PARAMETERS
     defaults = checked_values({**PRESETS[method], "method": method})
@@ -106,7 +106,7 @@ def table_with_preset(method: object) -> Table:
 
 
 def check_change(old: Mapping[str, Value], changed: Mapping[str, Value]) -> None:
-    """Raises ConfigError for another preset: its values are defaults, and all parameters have theirs once we run."""
+    """Raises ConfigError for a change of preset: a preset sets defaults, which a running engine has already."""
     method = changed.get("method")
     if method in PRESETS and method != old.get("method"):
         raise ConfigError(f"method: the preset {method} can only be chosen at the start; "
@@ -114,12 +114,12 @@ def check_change(old: Mapping[str, Value], changed: Mapping[str, Value]) -> None
 
 
 def stabilizer_config(values: Mapping[str, Value]) -> StabilizerConfig:
-    """The engine's settings: defaults, overridden by a preset, overridden by `values` (checked ones).
+    """The settings of the stabilizer: defaults, overridden by a preset, overridden by `values`.
 
     Raises:
         ConfigError: as `checked_values`.
     """
-    values = checked_values(resolved(checked_values(values)))
+    values = checked_values(resolved(values))
     own = {item.name for item in dataclasses.fields(StabilizerConfig)}
     chosen: Any = {name: value for name, value in values.items() if name in own}
     config = StabilizerConfig(**chosen)
@@ -129,7 +129,7 @@ def stabilizer_config(values: Mapping[str, Value]) -> StabilizerConfig:
 
 
 def evaluator_config(values: Mapping[str, Value]) -> EvaluatorConfig:
-    """The evaluator's settings: defaults, overridden by `values` (checked ones).
+    """The settings of the evaluator: defaults, overridden by `values`.
 
     Raises:
         ConfigError: as `checked_values`, or settings that contradict each other.

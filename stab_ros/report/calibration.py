@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import matplotlib
 import numpy as np
 
-from stab_ros.jobs.evaluate import TopicEvaluation
+from stab_ros.evaluation.results import TopicEvaluation
 from stab_ros.metrics.calibration import FIT_TO_PX
 from stab_ros.report.numbers import shown
 from stab_ros.report.panel import Panel, drawn, label, legend, new_axes

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from stab_ros.jobs.compare import Comparison, MethodResult
-from stab_ros.jobs.compare_files import method_json
+from stab_ros.evaluation.comparison_results import Comparison, MethodResult
+from stab_ros.evaluation.comparison_summary import method_json
 from stab_ros.metrics.statistics import Summary
 from stab_ros.report.panel import PREVIOUS_COLOR, REFERENCE_COLOR, Panel, drawn, label, logarithmic, new_axes, shortened
 

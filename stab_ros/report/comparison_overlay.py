@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 from markupsafe import Markup
 
 from stab_ros.core.gray import depth_scale, to_gray
-from stab_ros.core.types import Frame, Gray, Image
-from stab_ros.imaging.camera import Camera
-from stab_ros.imaging.warp import warp
-from stab_ros.io.source import open_source
-from stab_ros.jobs.compare import Comparison, ComparisonJob, MethodResult
-from stab_ros.jobs.stabilize import Progress
-from stab_ros.parameters.table import stabilizer_config
+from stab_ros.core.progress import Progress
+from stab_ros.core.types import Frame, Gray, Homography, Image
+from stab_ros.evaluation.comparison_results import Comparison, MethodResult
+from stab_ros.io.video import Decoded
 from stab_ros.report.numbers import Numbers
 from stab_ros.report.overlay import Pair, part, worst_place
 from stab_ros.report.panel import Panel, gray_of
@@ -31,21 +29,22 @@ class _Worst:
     said: str
 
 
-def overlay_panels(comparison: Comparison, job: ComparisonJob, numbers: Numbers, progress: Progress) -> list[Panel]:
-    """For each method two, in their order; reads the input once more, and holds no picture of it for long.
+class Warp(Protocol):
+    """Brings a frame to the reference as a method does: with its interpolation, and the camera where it has one."""
 
-    Raises:
-        InputError: the source cannot be read any more.
-    """
+    def __call__(self, method: str, frame: Frame, ref_H_cur: Homography) -> Image: ...
+
+
+def overlay_panels(comparison: Comparison, frames: Iterable[Decoded], warp: Warp, numbers: Numbers,
+                   progress: Progress) -> list[Panel]:
+    """For each method two, in their order. frames: those of the comparison, in order; none is held for long."""
     worst = [one for result in comparison.methods if (one := _worst(result)) is not None]
     made: dict[str, list[Panel]] = {}
-    with open_source(job.source, job.image_topic, job.fps) as source:
-        camera = source.camera() if job.values.get("use_camera_info") else None
-        for number, picture in enumerate(source.frames(job.limit)):
-            progress(number + 1, max(number + 1, comparison.frames))
-            for one in worst:
-                if one.number == number and isinstance(picture.decoded, Frame):
-                    made[one.result.name] = list(_pair(one, picture.decoded, job, camera, numbers))
+    for number, decoded in enumerate(frames):
+        progress(number + 1, max(number + 1, comparison.frames))
+        for one in worst:
+            if one.number == number and isinstance(decoded, Frame):
+                made[one.result.name] = list(_pair(one, decoded, warp, numbers))
     nothing = "It aligned no frame, so there is nothing to draw."
     return [panel for one in comparison.methods if not one.failure
             for panel in made.get(one.name, [Panel(f"{one.name}: worst frame", nothing)])]
@@ -64,14 +63,13 @@ def _worst(result: MethodResult) -> _Worst | None:
     return None
 
 
-def _pair(worst: _Worst, frame: Frame, job: ComparisonJob, camera: Camera | None, numbers: Numbers) -> Iterator[Panel]:
+def _pair(worst: _Worst, frame: Frame, warp: Warp, numbers: Numbers) -> Iterator[Panel]:
     evaluation, H = worst.result.evaluation, worst.result.passages[worst.number].track.ref_H_cur
     if evaluation is None or H is None or frame.size != evaluation.reference.size:
         return
     scale, reference = depth_scale(evaluation.reference), gray_of(evaluation.reference)
     place = worst_place(evaluation, evaluation.rows[worst.number])
-    config = stabilizer_config(job.run_of(worst.result.name).values)
-    steady = warp(frame.image, H, frame.size, config.interpolation, camera)
+    steady = warp(worst.result.name, frame, H)
     title = f"{worst.result.name}: worst frame ({worst.number})"
     told = Markup(worst.said).format(numbers("methods", worst.result.name, "per_frame", worst.number, worst.measure))
     yield part(Pair(title, reference, _gray(steady, frame, scale), *place), told)

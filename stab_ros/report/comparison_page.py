@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from stab_ros.jobs.compare import Comparison, ComparisonJob
-from stab_ros.jobs.compare_files import as_json
-from stab_ros.jobs.compare_text import columns, heads
-from stab_ros.jobs.stabilize import Progress
+from stab_ros.core.progress import Progress
+from stab_ros.evaluation.comparison_results import Comparison
+from stab_ros.evaluation.comparison_summary import as_json
+from stab_ros.evaluation.comparison_table import columns, heads
+from stab_ros.io.video import Decoded
 from stab_ros.report.comparison_boxes import box_panels, cost_panels
-from stab_ros.report.comparison_overlay import overlay_panels
+from stab_ros.report.comparison_overlay import Warp, overlay_panels
 from stab_ros.report.comparison_series import series_panels
 from stab_ros.report.comparison_trade import trade_panel
 from stab_ros.report.comparison_verdict import best, failed, with_lost
@@ -19,17 +20,20 @@ from stab_ros.report.panel import Panel, Section
 from stab_ros.report.rendering import embedded, rendered, write_page
 
 
-def write_comparison(comparison: Comparison, job: ComparisonJob, folder: Path, progress: Progress) -> Path:
-    """Reads the pictures it shows once more, and writes `index.html` into `folder`, which exists.
+def write_comparison(comparison: Comparison, frames: Iterable[Decoded], warp: Warp, folder: Path,
+                     progress: Progress) -> Path:
+    """Writes `index.html` into `folder`, which exists.
+
+    frames: those of the comparison, in order, each read once. warp: as each method's settings have it.
 
     Raises:
-        InputError: the folder cannot be written into, or the source cannot be read any more.
+        InputError: the folder cannot be written into.
         WorkError: the disk is full.
     """
     tree = as_json(comparison)
     numbers = Numbers(tree)
     shown = columns(comparison.has_truth)
-    overlays = overlay_panels(comparison, job, numbers, progress)
+    overlays = overlay_panels(comparison, frames, warp, numbers, progress)
     return write_page(rendered(
         "compare.html", n=numbers, json=tree, data=embedded(tree), columns=shown, heads=heads(shown),
         sections=list(_sections(comparison, overlays)), best=best, with_lost=with_lost, failed=failed), folder)

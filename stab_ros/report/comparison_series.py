@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 from matplotlib.axes import Axes
 
+from stab_ros.evaluation.comparison_results import Comparison, MethodResult, Passage
+from stab_ros.evaluation.comparison_summary import frames_of
 from stab_ros.evaluation.frame_metrics import FrameMetrics
-from stab_ros.jobs.compare import Comparison, MethodResult, Passage
-from stab_ros.jobs.compare_files import frames_of
 from stab_ros.report.panel import Panel, drawn, label, legend, logarithmic, new_axes
 
 _COLORS = ("#1f6fb2", "#e08214", "#3b8a4d", "#8a4d9e", "#b5446e", "#6b6b6b")  # as many lines can be told apart

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from matplotlib.axes import Axes
 
-from stab_ros.jobs.compare import Comparison
-from stab_ros.jobs.compare_files import method_json
+from stab_ros.evaluation.comparison_results import Comparison
+from stab_ros.evaluation.comparison_summary import method_json
 from stab_ros.report.panel import REFERENCE_COLOR, Panel, drawn, label, logarithmic, new_axes, shortened
 
 _NAME_IN = 0.19  # height of a name in the list beside the axes

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from stab_ros.jobs.compare_text import at
-from stab_ros.jobs.evaluate_files import Json
+from stab_ros.evaluation.comparison_table import at
+from stab_ros.evaluation.summary import Json
 
 
 def best(tree: Json, *place: str) -> str | None:

@@ -11,7 +11,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 
 from stab_ros.core.types import FloatArray
-from stab_ros.jobs.evaluate import TopicEvaluation
+from stab_ros.evaluation.results import TopicEvaluation
 from stab_ros.metrics.velocity_field import Field
 from stab_ros.metrics.verification import VerificationPoint
 from stab_ros.report.panel import Panel, drawn, gray_of, new_axes, picture_height_in, show_picture

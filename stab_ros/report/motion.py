@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stab_ros.jobs.evaluate import TopicEvaluation
-from stab_ros.jobs.evaluate_files import after_reference, shifts_px
+from stab_ros.evaluation.results import TopicEvaluation
+from stab_ros.evaluation.summary import after_reference, shifts_px
 from stab_ros.metrics.spectra import SPLIT_HZ, spectrum
 from stab_ros.report.panel import Panel, drawn, label, legend, new_axes, stream_color
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from stab_ros.jobs.evaluate_files import Json
+from stab_ros.evaluation.summary import Json
 
 NOTHING = "-"
 

@@ -13,10 +13,10 @@ from matplotlib.patches import Rectangle
 from stab_ros.core.types import Gray, Image
 from stab_ros.evaluation.findings import frame_name
 from stab_ros.evaluation.frame_metrics import FrameMetrics
-from stab_ros.jobs.evaluate import TopicEvaluation
+from stab_ros.evaluation.results import TopicEvaluation
 from stab_ros.report.numbers import Numbers
 from stab_ros.report.panel import Panel, drawn, gray_of, new_axes, picture_height_in, show_picture
-from stab_ros.report.pictures import Pictures
+from stab_ros.report.pictures import ReportImages
 from stab_ros.report.sampling import worst_frames
 
 _CROP_PX = 240
@@ -50,12 +50,12 @@ class Pair:
                 side)
 
 
-def overlay_panels(topics: Sequence[TopicEvaluation], pictures: Pictures, numbers: Numbers) -> list[Panel]:
+def overlay_panels(topics: Sequence[TopicEvaluation], pictures: ReportImages, numbers: Numbers) -> list[Panel]:
     """For each of the worst frames two: the whole picture, and a part of it pixel by pixel."""
     return [panel for topic in topics for panel in _of_topic(topic, pictures, numbers)]
 
 
-def _of_topic(topic: TopicEvaluation, pictures: Pictures, numbers: Numbers) -> Iterator[Panel]:
+def _of_topic(topic: TopicEvaluation, pictures: ReportImages, numbers: Numbers) -> Iterator[Panel]:
     rows = [index for index in worst_frames(topic) if (topic.topic, topic.rows[index].stamp_ns) in pictures.whole]
     if not rows:
         yield Panel(f"{topic.topic}: worst frames", "No frame was measured against the reference, so there is nothing "

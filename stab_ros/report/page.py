@@ -7,12 +7,12 @@ from pathlib import Path
 
 from markupsafe import Markup
 
+from stab_ros.core.progress import Progress
 from stab_ros.core.settings import settings_of
-from stab_ros.evaluation.evaluator import EvaluatorConfig
 from stab_ros.evaluation.frame_metrics import UNITS
-from stab_ros.jobs.evaluate import Evaluation, EvaluationJob
-from stab_ros.jobs.evaluate_files import as_json
-from stab_ros.jobs.stabilize import Progress
+from stab_ros.evaluation.results import Evaluation
+from stab_ros.evaluation.settings import EvaluatorConfig
+from stab_ros.evaluation.summary import as_json
 from stab_ros.report.boxes import box_panels
 from stab_ros.report.calibration import calibration_panels
 from stab_ros.report.maps import field_panels, point_panels
@@ -20,25 +20,25 @@ from stab_ros.report.motion import path_panels, spectrum_panels
 from stab_ros.report.numbers import Numbers
 from stab_ros.report.overlay import overlay_panels
 from stab_ros.report.panel import Section
-from stab_ros.report.pictures import Pictures, read_pictures
+from stab_ros.report.pictures import ReportImages, Streams, read_pictures
 from stab_ros.report.rendering import embedded, own_file, rendered, write_page
 from stab_ros.report.scrub import scrub_of
 from stab_ros.report.series import series_panels
 from stab_ros.report.verdict import brightest_frame, compared, extreme_frame
 
 
-def write_report(evaluation: Evaluation, job: EvaluationJob, folder: Path, progress: Progress) -> Path:
-    """Reads the pictures it shows once more, and writes `index.html` into `folder`, which exists.
+def write_report(evaluation: Evaluation, streams: Streams, folder: Path, progress: Progress) -> Path:
+    """Writes `index.html` into `folder`, which exists; takes the images it shows from `streams`.
 
     Raises:
-        InputError: the folder cannot be written into, or the source cannot be read any more.
+        InputError: the folder cannot be written into.
         WorkError: the disk is full.
     """
-    pictures = read_pictures(evaluation, job, progress)
+    pictures = read_pictures(evaluation, streams, progress)
     return write_page(_page(evaluation, pictures), folder)
 
 
-def _page(evaluation: Evaluation, pictures: Pictures) -> str:
+def _page(evaluation: Evaluation, pictures: ReportImages) -> str:
     tree, scrub = as_json(evaluation), scrub_of(evaluation, pictures)
     numbers = Numbers(tree)
     return rendered(
@@ -48,7 +48,7 @@ def _page(evaluation: Evaluation, pictures: Pictures) -> str:
         scrub_data=embedded({"labels": scrub.labels, "streams": [uris for _, uris in scrub.streams]}))
 
 
-def _sections(evaluation: Evaluation, pictures: Pictures, numbers: Numbers) -> Iterator[Section]:
+def _sections(evaluation: Evaluation, pictures: ReportImages, numbers: Numbers) -> Iterator[Section]:
     """The figures in the order of the page."""
     topics = evaluation.topics
     yield Section("boxes", "Displacement at the verification points", box_panels(topics))

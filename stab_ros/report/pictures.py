@@ -2,53 +2,52 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import cv2
 
 from stab_ros.core.gray import depth_scale, to_gray
+from stab_ros.core.progress import Progress
 from stab_ros.core.types import Frame, Gray, Image
+from stab_ros.evaluation.results import Evaluation, TopicEvaluation
+from stab_ros.io.video import Decoded
 from stab_ros.io.video_writer import to_bgr
-from stab_ros.jobs.evaluate import Evaluation, EvaluationJob, TopicEvaluation
-from stab_ros.jobs.evaluate_streams import open_streams
-from stab_ros.jobs.stabilize import Progress
 from stab_ros.report.panel import data_uri
 from stab_ros.report.sampling import leaves, partners, worst_frames
 
 _SCRUB_PX = 720
 _JPEG_QUALITY = 50
-Key = tuple[str, int]  # topic and stamp, ns
+Key: TypeAlias = tuple[str, int]  # topic and stamp, ns
+# of every evaluated stream, in order: its frames, or why one cannot be decoded; each is read once, one after the other
+Streams: TypeAlias = Iterable[Iterable[Decoded]]
 
 
 @dataclass(frozen=True, eq=False)
-class Pictures:
+class ReportImages:
     """By topic and stamp. whole: (h, w) uint8 of the worst frames. small: JPEGs of the scrub, as data URIs."""
 
     whole: dict[Key, Gray] = field(default_factory=dict)
     small: dict[Key, str] = field(default_factory=dict)
 
 
-def read_pictures(evaluation: Evaluation, job: EvaluationJob, progress: Progress) -> Pictures:
-    """Of every stream the worst frames, and of the last one those of the scrub, with the same of the others.
-
-    Raises:
-        InputError: the source cannot be read any more.
-    """
-    pictures, leafed = Pictures(), leaves(evaluation.topics[-1])
+def read_pictures(evaluation: Evaluation, streams: Streams, progress: Progress) -> ReportImages:
+    """Of every stream the worst frames, and of the last one those of the scrub, with the same of the others."""
+    pictures, leafed = ReportImages(), leaves(evaluation.topics[-1])
     total, done = sum(len(topic.rows) for topic in evaluation.topics), 0
-    with open_streams(job.source, job.image_topics, job.fps) as streams:
-        for stream, topic in zip(streams, evaluation.topics, strict=True):
-            worst = {topic.rows[index].stamp_ns for index in worst_frames(topic)}
-            scrub = {row.stamp_ns for row in partners(topic, leafed) if row is not None}
-            for picture in stream.source.frames(job.limit):
-                done += 1
-                progress(done, max(done, total))
-                if isinstance(picture.decoded, Frame):
-                    _keep(pictures, topic, picture.decoded, worst, scrub)
+    for stream, topic in zip(streams, evaluation.topics, strict=True):
+        worst = {topic.rows[index].stamp_ns for index in worst_frames(topic)}
+        scrub = {row.stamp_ns for row in partners(topic, leafed) if row is not None}
+        for decoded in stream:
+            done += 1
+            progress(done, max(done, total))
+            if isinstance(decoded, Frame):
+                _keep(pictures, topic, decoded, worst, scrub)
     return pictures
 
 
-def _keep(pictures: Pictures, topic: TopicEvaluation, frame: Frame, worst: set[int], scrub: set[int]) -> None:
+def _keep(pictures: ReportImages, topic: TopicEvaluation, frame: Frame, worst: set[int], scrub: set[int]) -> None:
     key, scale = (topic.topic, frame.stamp_ns), depth_scale(topic.reference)
     if frame.size != topic.reference.size:
         return

@@ -12,8 +12,8 @@ from markupsafe import Markup
 
 from stab_ros import __version__
 from stab_ros.core.errors import WorkError
+from stab_ros.evaluation.summary import Json
 from stab_ros.io.outputs import completed
-from stab_ros.jobs.evaluate_files import Json
 
 _NAME = "index.html"
 

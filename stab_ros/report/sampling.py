@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from stab_ros.evaluation.frame_metrics import FrameMetrics
-from stab_ros.jobs.evaluate import TopicEvaluation
+from stab_ros.evaluation.results import TopicEvaluation
 
 _WORST = 3
 _BY = "displacement_reference_px", "rmse_reference_px"  # the first one that was measured

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from stab_ros.evaluation.findings import frame_name
-from stab_ros.jobs.evaluate import Evaluation
-from stab_ros.report.pictures import Pictures
+from stab_ros.evaluation.results import Evaluation
+from stab_ros.report.pictures import ReportImages
 from stab_ros.report.sampling import leaves, partners
 
 
@@ -19,7 +19,7 @@ class Scrub:
     streams: Sequence[tuple[str, Sequence[str]]]
 
 
-def scrub_of(evaluation: Evaluation, pictures: Pictures) -> Scrub:
+def scrub_of(evaluation: Evaluation, pictures: ReportImages) -> Scrub:
     """The frames of the last stream that could be read, beside those of the others."""
     last = evaluation.topics[-1]
     frames = [row for row in leaves(last) if (last.topic, row.stamp_ns) in pictures.small]

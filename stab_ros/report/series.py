@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from stab_ros.core.types import FloatArray
-from stab_ros.jobs.evaluate import TopicEvaluation
+from stab_ros.evaluation.results import TopicEvaluation
 from stab_ros.report.panel import LOST_COLOR, Panel, drawn, label, legend, new_axes, stream_color
 
 _MEASURES = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from stab_ros.jobs.evaluate_files import Json
+from stab_ros.evaluation.summary import Json
 
 _COMPARED = "displacement_reference_px"
 

@@ -12,8 +12,9 @@ from truth import IDENTITY, flat, frame, picture, similarity, translation
 from stab_ros.core.errors import InputError
 from stab_ros.core.region import Area, Region
 from stab_ros.core.types import Frame, Gray, Homography
-from stab_ros.evaluation.evaluator import Arrival, Evaluator, EvaluatorConfig
+from stab_ros.evaluation.evaluator import Arrival, Evaluator
 from stab_ros.evaluation.frame_metrics import FrameMetrics, Outcome
+from stab_ros.evaluation.settings import EvaluatorConfig
 
 SIZE = (640, 480)
 EVERY = EvaluatorConfig(rmse_every=1)

@@ -12,7 +12,8 @@ import pytest
 from truth import frame
 
 from stab_ros.core.types import FloatArray, Gray
-from stab_ros.evaluation.evaluator import Arrival, Evaluator, EvaluatorConfig
+from stab_ros.evaluation.evaluator import Arrival, Evaluator
+from stab_ros.evaluation.settings import EvaluatorConfig
 
 SIZE = (640, 480)
 DIRECTIONS = (0.3, 1.9, 4.1)

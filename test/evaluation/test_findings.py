@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from stab_ros.core.errors import ConfigError
-from stab_ros.evaluation.evaluator import EvaluatorConfig
 from stab_ros.evaluation.findings import Level, findings
 from stab_ros.evaluation.frame_metrics import FrameMetrics, Outcome
+from stab_ros.evaluation.settings import EvaluatorConfig
 
 CONFIG = EvaluatorConfig()
 

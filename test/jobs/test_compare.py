@@ -22,15 +22,15 @@ from stab_ros import __version__
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import rms_distance
 from stab_ros.core.types import Gray, State, Track
+from stab_ros.evaluation.comparison_summary import method_json
 from stab_ros.io.bag import BagWriter, topic_of
 from stab_ros.io.homographies import HomographyWriter, read_homographies
 from stab_ros.io.messages import IMAGE, header_of, image_cdr
 from stab_ros.jobs.compare import ComparisonJob, checked_methods, compare, known_methods
 from stab_ros.jobs.compare_child import Failed, Finished, Run, Step, steps_of
-from stab_ros.jobs.compare_files import method_json
+from stab_ros.jobs.compare_outputs import writers_of
 from stab_ros.jobs.compare_text import as_text
 from stab_ros.jobs.compare_truth import Truth
-from stab_ros.report import write_comparison
 from stab_ros.report.numbers import shown
 from stab_ros.synthetic.flight import Shot
 
@@ -296,7 +296,7 @@ def test_a_method_that_fails_is_a_row_that_says_why(bag: Path, tmp_path: Path) -
     assert method_json(bad, False)["tracked"] == 0
     assert "no<b>such: failed: " in as_text(comparison)
     assert told[-1] == (6, 9)
-    write_comparison(comparison, job, tmp_path, lambda *_: None)
+    writers_of(comparison, job, lambda *_: None).report(tmp_path)
     page = Page(tmp_path / "index.html")
     assert "no<b>such" in page.text
     assert "<b>" not in page.source

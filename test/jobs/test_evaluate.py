@@ -18,8 +18,9 @@ from truth import IDENTITY, frame, picture, translation
 
 from stab_ros.core.geometry import rms_distance
 from stab_ros.core.types import Frame, Gray, Homography, State, Track
-from stab_ros.evaluation.evaluator import Arrival, Evaluator, EvaluatorConfig
+from stab_ros.evaluation.evaluator import Arrival, Evaluator
 from stab_ros.evaluation.frame_metrics import UNITS
+from stab_ros.evaluation.settings import EvaluatorConfig
 from stab_ros.io.bag import BagWriter, open_bag, topic_of
 from stab_ros.io.messages import CAMERA_INFO, IMAGE, header_of, homography_cdr, image_cdr, read_homography, read_image
 from stab_ros.synthetic.flight import Shot

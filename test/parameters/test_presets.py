@@ -11,7 +11,8 @@ import yaml
 from stab_ros.core.errors import ConfigError
 from stab_ros.core.settings import Value
 from stab_ros.methods import METHODS
-from stab_ros.parameters.engines import make_stabilizer, read_config
+from stab_ros.parameters.engines import make_stabilizer
+from stab_ros.parameters.file import read_config
 from stab_ros.parameters.presets import PRESETS
 from stab_ros.parameters.table import (
     PARAMETERS,

@@ -1,0 +1,67 @@
+"""The result of an evaluation: every frame of every stream of a recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from stab_ros.core.types import BoolArray, Frame
+from stab_ros.evaluation.frame_metrics import FrameMetrics, Outcome
+from stab_ros.evaluation.settings import EvaluatorConfig
+from stab_ros.metrics.statistics import Summary, summarize
+from stab_ros.metrics.velocity_field import Field, mean_field
+from stab_ros.metrics.verification import VerificationPoint
+
+
+@dataclass(frozen=True, eq=False)
+class TopicEvaluation:
+    """The evaluation of one stream. reference: the given one, else its first frame. static: (P,) bool, at the end.
+
+    rows: one for each frame. fps: of the settings, else of the stream.
+    """
+
+    topic: str
+    reference: Frame
+    points: tuple[VerificationPoint, ...]
+    static: BoolArray
+    rows: tuple[FrameMetrics, ...]
+    config: EvaluatorConfig
+    fps: float
+
+    @property
+    def measured(self) -> tuple[FrameMetrics, ...]:
+        """The frames that statistics include: neither the reference nor lost frames."""
+        return tuple(row for row in self.rows if row.outcome is Outcome.MEASURED)
+
+    def count(self, outcome: Outcome) -> int:
+        return sum(row.outcome is outcome for row in self.rows)
+
+    def series(self, name: str) -> list[float]:
+        """The values of a metric, over all measured frames that have it."""
+        return [value for row in self.measured if (value := row[name]) is not None]
+
+    def summary(self, name: str) -> Summary | None:
+        return summarize(self.series(name))
+
+    def point_series(self, name: str, point: int) -> list[float]:
+        """The values of a metric at one verification point, over all measured frames that have it."""
+        values = [row.points[name][point] for row in self.measured if name in row.points]
+        return [float(value) for value in values if np.isfinite(value)]
+
+    @property
+    def field(self) -> Field | None:
+        """The residual velocity field, averaged over the frames where it was measured."""
+        fields = [row.field for row in self.measured if row.field is not None]
+        return mean_field(fields) if fields else None
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The evaluation of a recording. frames: of the first stream. warnings: unreadable parts, one line each."""
+
+    source: Path
+    frames: int
+    topics: tuple[TopicEvaluation, ...]
+    warnings: tuple[str, ...]

@@ -1,0 +1,109 @@
+"""Parameters from a ROS parameter file; the same file serves a node's `--params-file` and a command's `--config`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import yaml
+
+from stab_ros.core.errors import InputError
+from stab_ros.core.settings import Value, settings_of
+from stab_ros.core.text import one_line
+from stab_ros.parameters.node_settings import EvaluatorSettings, TrackerSettings
+from stab_ros.parameters.table import EVALUATOR_PARAMETERS, PARAMETERS, Table, checked_values
+
+TRACKER, EVALUATOR = "tracker_node", "evaluator_node"
+
+_TABLES = {TRACKER: PARAMETERS, EVALUATOR: EVALUATOR_PARAMETERS}
+# parameters of the nodes themselves, which the engines do not have; the commands skip them
+_OF_THE_NODES = frozenset(name for settings in (TrackerSettings, EvaluatorSettings)
+                          for name, _, _ in settings_of(settings))
+_OF_ROS, _QOS = "use_sim_time", "qos_overrides."
+_OF_ALL_NODES = ("/**", "/*")
+_CONFIG_LIMIT = 2**17  # characters of a parameter file; PyYAML reads 100,000 a second
+
+
+def read_config(path: Path, node: str = TRACKER) -> dict[str, Value]:
+    """The engine's parameters of `node` in a ROS parameter file: every `ros__parameters` under `/**` or that node.
+
+    Parameters of the other node's engine are skipped under `/**`, those of the nodes themselves everywhere.
+
+    Raises:
+        InputError: the file is missing, is no ROS parameter file, is for other nodes, or has an invalid parameter.
+    """
+    nodes = list(_nodes(_document(path)))
+    if not nodes:
+        raise InputError(f"{path}: not a ROS parameter file, it must hold '/**: ros__parameters: name: value'")
+    ours = [(name, parameters) for name, parameters in nodes if name.endswith((*_OF_ALL_NODES, f"/{node}"))]
+    if not ours:
+        named = one_line(", ".join(name for name, _ in nodes))[:500]
+        raise InputError(f"{path}: holds parameters of {named}, it must hold some of /** or of a {node}")
+    found: dict[str, object] = {}
+    for name, parameters in ours:
+        shared = name.endswith(_OF_ALL_NODES)
+        found.update({key: value for key, value in _flat(path, parameters).items()
+                      if not (shared and _is_foreign(key, node))})
+    return checked_values({name: value for name, value in found.items() if _is_of_an_engine(name)}, _TABLES[node])
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML without aliases, as in ROS: a few lines of aliases can expand to billions of values."""
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError(f"line {self.line + 1}: aliases are not supported")
+        return super().compose_node(parent, index)
+
+
+def _integer(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int:
+    """An integer of 64 bits; larger ones are slow to print."""
+    value: int = loader.construct_yaml_int(node)
+    if not -(2**63) <= value < 2**63:
+        raise yaml.YAMLError(f"line {node.start_mark.line + 1}: a number does not fit 64 bits")
+    return value
+
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _integer)
+
+
+def _document(path: Path) -> object:
+    """The content of the file."""
+    try:
+        with path.open(encoding="utf-8") as file:
+            text = file.read(_CONFIG_LIMIT + 1)
+        if len(text) > _CONFIG_LIMIT:
+            raise ValueError(f"more than {_CONFIG_LIMIT} characters")
+        return yaml.load(text, _Loader)
+    except (OSError, ValueError, LookupError, AttributeError, TypeError, OverflowError, RecursionError,
+            yaml.YAMLError) as error:  # a value that contradicts its tag raises almost any of these
+        raise InputError(f"{path}: not a readable YAML file ({one_line(error)[:500]})") from error
+
+
+def _is_foreign(name: str, node: str) -> bool:
+    """Whether only the engine of another node has the parameter."""
+    tables: Mapping[str, Table] = _TABLES
+    return name not in tables[node] and any(name in table for table in tables.values())
+
+
+def _is_of_an_engine(name: str) -> bool:
+    return name not in _OF_THE_NODES and name != _OF_ROS and not name.startswith(_QOS)
+
+
+def _nodes(tree: object, name: str = "") -> Iterator[tuple[str, object]]:
+    """Full name and `ros__parameters` of every node; a namespace may be part of a key, or a level of its own."""
+    for key, value in tree.items() if isinstance(tree, dict) else ():
+        if key == "ros__parameters":
+            yield name, value
+        else:
+            yield from _nodes(value, f"{name}/{key}".replace("//", "/"))
+
+
+def _flat(path: Path, tree: object, prefix: str = "") -> dict[str, object]:
+    """Nested parameters under their full names: `direct: {patches: 300}` becomes `direct.patches`."""
+    if not isinstance(tree, dict):
+        raise InputError(f"{path}: ros__parameters must hold 'name: value' pairs")
+    flat: dict[str, object] = {}
+    for name, value in tree.items():
+        flat.update(_flat(path, value, f"{prefix}{name}.") if isinstance(value, dict) else {f"{prefix}{name}": value})
+    return flat

@@ -1,0 +1,43 @@
+"""Settings of the live nodes beside those of their engines; here and not in `nodes`, as parameter files hold both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from stab_ros.core.settings import Checked, setting
+
+
+@dataclass(frozen=True)
+class TrackerSettings(Checked):
+    """Settings of the tracker node."""
+
+    queue_depth: int = setting(
+        1, "Depth of the input queue; 1: the newest frame wins; 0: every frame is kept, RELIABLE", 0, 1)
+    image_transport: str = setting(
+        "raw", "Transport of the input: raw for image_raw, compressed for image_raw/compressed",
+        choices=("raw", "compressed"))
+    wait_for_subscribers: int = setting(
+        0, "Number of subscribers to homography to wait for before taking images", 0, 1000)
+    stale_s: float = setting(
+        2.0, "Time in seconds without an image, while free to take one, before the state is STALE", 0.05, 3600.0)
+    reference_path: str = setting(
+        "", "Path of an .mcap file in which the reference is saved, and from which it is restored at the next start; "
+        '"": every start makes a new reference')
+
+
+@dataclass(frozen=True)
+class EvaluatorSettings(Checked):
+    """Settings of the evaluator node."""
+
+    window_s: float = setting(
+        60.0, "Length in seconds of the time window of the statistics on /diagnostics", 1.0, 86400.0)
+    alarm_s: float = setting(
+        3.0, "Time in seconds for which /diagnostics shows a problem of a frame", 1.0, 3600.0)
+    stale_s: float = setting(
+        1.0, "Time in seconds without an image, while free to take one, before the stream counts as stopped", 0.05,
+        3600.0)
+    backlog_mb: float = setting(
+        512.0, "Memory in MB for gray images that wait to be measured; above half of it RMSE and velocity field are "
+        "skipped, above all of it the oldest frame", 0.1, 1e6)
+    wait_for_subscribers: int = setting(
+        0, "Number of subscribers to ~/metrics to wait for before taking images", 0, 1000)
