@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from live_camera import FRAMES, Camera
 from live_graph import Graph
-from test_live_starts import FRAMES, Camera
 
 
 def test_a_first_flight_after_an_installation(graph: Graph, tmp_path: Path) -> None:
