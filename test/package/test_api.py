@@ -19,6 +19,7 @@ import stab_ros
 from stab_ros.core.errors import StabRosError
 
 ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "api.md"
 HEAVY = ("cv2", "numba", "numpy", "rclpy", "rosbags", "matplotlib")
 TYPE_ALIASES = {"Homography", "Image"}
 DOCUMENTED = sorted({*stab_ros.__all__} - TYPE_ALIASES - {"__version__"})
@@ -40,7 +41,7 @@ def test_importing_the_package_loads_no_heavy_library() -> None:
 def test_name_can_be_imported_and_stands_on_the_page(name: str) -> None:
     assert getattr(stab_ros, name) is not None
     assert name in dir(stab_ros)
-    assert f"`{name}`" in (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    assert f"`{name}`" in PAGE.read_text(encoding="utf-8")
 
 
 def test_type_checkers_see_the_same_names() -> None:
@@ -52,6 +53,17 @@ def test_an_unknown_name_is_an_import_error() -> None:
     words = [sys.executable, "-c", "from stab_ros import Stabiliser"]
     failed = subprocess.run(words, capture_output=True, text=True, check=False)
     assert "cannot import name 'Stabiliser' from 'stab_ros'" in failed.stderr
+
+
+@pytest.mark.slow
+def test_snippets_of_the_page_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "bags").symlink_to(ROOT / "bags")
+    monkeypatch.chdir(tmp_path)
+    snippets = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    assert len(snippets) >= 7
+    names: dict[str, Any] = {}
+    for snippet in snippets:
+        exec(snippet, names)
 
 
 # docstrings, in Google style
