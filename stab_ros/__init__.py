@@ -1,4 +1,4 @@
-"""Image stabilization for river measurement from drones: every frame is mapped to one reference frame.
+"""Image stabilisation for river measurement from drones: every frame is mapped to one reference frame.
 
 The names below are the public API; docs/api.md describes them with examples. Each is imported from its module on first
 use (PEP 562), so that `import stab_ros` loads neither OpenCV nor Numba.

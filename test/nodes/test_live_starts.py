@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from flights import SIZE
-from live_camera import FRAMES, Camera, by_the_engine, flight, shots
+from image_publisher import FRAMES, ImagePublisher, by_the_engine, flight, shots
 from live_graph import Graph, image_message, stamp_ns, values_of
 from sensor_msgs.msg import CameraInfo, Image
 
@@ -35,7 +35,7 @@ except (KeyboardInterrupt, ExternalShutdownException):
 
 
 def test_a_pause_after_the_first_frame(graph: Graph) -> None:
-    camera = Camera(graph, stale_s=0.1)
+    camera = ImagePublisher(graph, stale_s=0.1)
     camera.show(1)
     camera.until_answered(1)
     camera.until_said("no image for")
@@ -45,14 +45,14 @@ def test_a_pause_after_the_first_frame(graph: Graph) -> None:
 
 
 def test_a_stream_that_is_slower_than_its_silence(graph: Graph) -> None:
-    camera = Camera(graph, stale_s=0.1)
+    camera = ImagePublisher(graph, stale_s=0.1)
     camera.show(8, every_s=0.4)
     camera.show(FRAMES - 8)
     camera.check_engine()
 
 
 def test_a_tracker_that_is_stopped_in_its_start(graph: Graph) -> None:
-    camera = Camera(graph, stale_s=0.2)
+    camera = ImagePublisher(graph, stale_s=0.2)
     camera.show(6)
     camera.until_answered(1)
     camera.tracker.process.send_signal(signal.SIGSTOP)
@@ -86,7 +86,7 @@ def test_a_tracker_without_a_home(graph: Graph) -> None:
 
 
 def test_a_silence_that_lasts_is_answered_with_a_doubt_and_the_start_goes_on(graph: Graph) -> None:
-    camera = Camera(graph, stale_s=0.1)
+    camera = ImagePublisher(graph, stale_s=0.1)
     camera.show(6)
     camera.until_answered(6)
     camera.until_said("before enough was seen to tell what is ground")

@@ -38,7 +38,7 @@ def by_the_engine() -> list[FloatArray]:
     return [track.ref_H_cur for track in tracks if track.ref_H_cur is not None]
 
 
-class Camera:
+class ImagePublisher:
     """Publishes the flight to a tracker that keeps every frame, and hears its answers."""
 
     def __init__(self, graph: Graph, **parameters: Any) -> None:
