@@ -114,7 +114,7 @@ def test_class_is_documented(name: str) -> None:
     assert doc
     if issubclass(cls, (StabRosError, Enum)) or getattr(cls, "_is_protocol", False):
         return
-    described = section(doc, "Attributes") + section(doc, "Args")
+    described = section(doc, "Attributes") + section(doc, "Args") + section(inspect.getdoc(cls.__init__) or "", "Args")
     missing = [field for field in fields_of(cls) if not re.search(rf"^    {field}: ", described, re.MULTILINE)]
     assert not missing
 
