@@ -6,14 +6,14 @@ from pathlib import Path
 
 import grimp
 import pytest
-from importlinter.application.use_cases import lint_imports
+from importlinter.cli import EXIT_STATUS_SUCCESS, lint_imports
 
 PYPROJECT = Path(__file__).parents[2] / "pyproject.toml"
 
 
 def test_contracts_of_the_import_graph_are_kept(capfd: pytest.CaptureFixture[str]) -> None:
-    kept = lint_imports(str(PYPROJECT), cache_dir=None, is_debug_mode=True, no_logo=True)
-    assert kept, capfd.readouterr().out
+    status = lint_imports(str(PYPROJECT), no_cache=True, is_debug_mode=True, no_logo=True)
+    assert status == EXIT_STATUS_SUCCESS, capfd.readouterr().out
 
 
 def test_no_module_imports_a_package_that_it_is_part_of() -> None:
