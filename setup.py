@@ -53,8 +53,11 @@ setup(
     ],
     extras_require={
         "test": [
+            "grimp>=3.20",
             "hypothesis>=6.98",
+            "import-linter>=2.17",
             "mypy>=1.15",
+            "pre-commit>=4.0",
             "pytest>=7.4",
             "pytest-xdist>=3.5",
             "ruff>=0.9",

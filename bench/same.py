@@ -106,7 +106,7 @@ def _input(flight: Flight, work: Path) -> Path:
 
 def _render(name: str, folder: Path) -> None:
     """Three picture widths along the river, or water that is as rigid as ground."""
-    sys.path.insert(0, str(ROOT / "test"))
+    sys.path.insert(0, str(ROOT / "test" / "helpers"))
     from flights import SIZE, moved, trap
 
     from stab_ros.synthetic.camera_path import Gust, Pose

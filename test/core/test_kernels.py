@@ -4,38 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import cv2
 import numpy as np
 import pytest
 from numba.core import event
-from truth import picture, translation
+from received import seen
 
 from stab_ros.core.kernels import F64, KERNELS, compile_kernels, filled, kernel, read
 from stab_ros.core.settings import Value
-from stab_ros.core.types import Frame, Image
 from stab_ros.estimation.estimators import ESTIMATORS
 from stab_ros.estimation.models import MODELS
 from stab_ros.evaluation.evaluator import Arrival
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.warp import INTERPOLATION
-from stab_ros.io.messages import IMAGE, Header, image_cdr, read_image
 from stab_ros.methods import METHODS
 from stab_ros.parameters.engines import make_evaluator, make_stabilizer, reconfigure
 from stab_ros.tracking.settings import REFERENCES
 
-STEP_NS = 40_000_000
 ENCODINGS = ("mono8", "mono16", "bgr8", "rgb8", "bgra8", "rgba8")
 LENSES = {"plumb_bob": np.array([-0.2, 0.05, 1e-3, 1e-3, 0.0]), "equidistant": np.array([0.05, 0.0, 0.0, 0.0]),
           "rational_polynomial": np.array([-0.2, 0.05, 0, 0, 0, 0.01, 0, 0.0])}
-
-
-def seen(number: int, encoding: str = "mono8", size: tuple[int, int] = (320, 240)) -> Frame:
-    """As a node receives it: mono8 is memory that cannot be written."""
-    gray = picture(translation(0.7 * number, -0.4 * number), size)
-    image: Image = gray.astype(np.uint16) * 200 if encoding == "mono16" else gray
-    if encoding not in ("mono8", "mono16"):
-        image = cv2.cvtColor(gray, cv2.COLOR_GRAY2BGRA if encoding.endswith("a8") else cv2.COLOR_GRAY2BGR)
-    return read_image(image_cdr(image, encoding, Header(10**9 + number * STEP_NS)), IMAGE)
 
 
 def flown(values: Mapping[str, Value], encoding: str = "mono8", camera: Camera | None = None,

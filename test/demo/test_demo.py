@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import os
 import re
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -15,6 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from demo_process import processes_with, run, start, table, wait_for
 
 from stab_ros.core.types import State, Track
 from stab_ros.demo.__main__ import SAMPLE, SCALE, TRUTH
@@ -28,17 +25,12 @@ from stab_ros.io.bag import BagWriter, Message, open_bag
 from stab_ros.io.homographies import read_homographies
 from stab_ros.io.messages import Header, homography_cdr, read_homography, read_stamp, track_cdr
 
-WORDS = [sys.executable, "-m", "stab_ros.demo"]
 SIZE = 960, 540
 STAMPS_NS = [row.stamp_ns for row in read_homographies(TRUTH)]
 MADE = ("stabilized.mcap", "H.csv", "H_command.csv", "before_after.mp4", "before_after.png", "errors.txt",
         "report/index.html")
 Demo = tuple[Path, str]
 Alter = Callable[[Message], Message | None]
-
-
-def run(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*WORDS, str(folder), *options], capture_output=True, text=True, timeout=600, check=False)
 
 
 @pytest.fixture(scope="module")
@@ -49,11 +41,6 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Demo:
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stderr == ""
     return folder, done.stdout
-
-
-def table(folder: Path) -> list[dict[str, str]]:
-    with (folder / "H.csv").open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def test_demo_shows_the_result_and_its_error(demo: Demo) -> None:
@@ -234,17 +221,6 @@ def test_that_it_is_silent_is_no_news_of_a_node() -> None:
     assert not news.are_idle(NODES)
 
 
-def start(folder: Path, **environment: str) -> subprocess.Popen[str]:
-    return subprocess.Popen([*WORDS, str(folder)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                            env={**os.environ, **environment})
-
-
-def wait_for(condition: Callable[[], object], demo: subprocess.Popen[str]) -> None:
-    while not condition():
-        assert demo.poll() is None
-        time.sleep(0.0005)
-
-
 @pytest.mark.parametrize("delay_s", [0.0, 0.5])  # while the tracker's process is being made, and later
 def test_interrupted_demo_leaves_no_process(tmp_path: Path, delay_s: float) -> None:
     folder = tmp_path / "demo_output"
@@ -268,18 +244,6 @@ def test_demo_can_be_interrupted_while_it_compiles(tmp_path: Path) -> None:
         demo.send_signal(signal.SIGINT)
         _, said = demo.communicate(timeout=60)
     assert (demo.returncode, said) == (130, "demo: interrupted\n")
-
-
-def processes_with(word: str) -> list[Path]:
-    """Those that have it in their environment, as all nodes of a demo have its folder (ROS_LOG_DIR)."""
-    return [path for path in Path("/proc").glob("[0-9]*/environ") if word in environment(path)]
-
-
-def environment(path: Path) -> str:
-    try:
-        return path.read_text(errors="replace")
-    except OSError:  # it has ended meanwhile, or is somebody else's
-        return ""
 
 
 def test_a_folder_that_cannot_be_made_is_one_line(tmp_path: Path) -> None:

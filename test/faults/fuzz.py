@@ -109,7 +109,6 @@ class Run:
 def child(name: str, seed: int, first: int, count: int, seeds: Path, place: Path) -> None:
     """Runs the inputs; `place` is shared with the parent, who sees there which one it is."""
     faulthandler.enable()
-    sys.path.insert(0, str(FOLDER.parent))
     from fuzz_seeds import read_seeds
     from fuzz_targets import TARGETS
 

@@ -6,7 +6,7 @@ import os
 import signal
 from pathlib import Path
 
-from test_demo import processes_with, run, start, table, wait_for
+from demo_process import processes_with, run, start, table, wait_for
 
 
 def test_a_tracker_that_ends_is_named_and_what_was_recorded_is_judged(tmp_path: Path) -> None:

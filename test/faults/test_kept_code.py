@@ -20,12 +20,12 @@ import stab_ros.parameters.engines  # all kernels
 from stab_ros.core.kernels import KERNELS
 
 ROOT = Path(stab_ros.__file__).parents[1]
-TESTS = Path(__file__).parents[1]
+HELPERS = Path(__file__).parents[1] / "helpers"
 NOWHERE = {"HOME": "/proc/1/nowhere", "XDG_CACHE_HOME": "/proc/1/nowhere"}
 PROGRAM = """
 import json, sys
 sys.path.insert(0, sys.argv[1])
-from test_kernels import seen
+from received import seen
 from stab_ros.core.kernels import compile_kernels
 from stab_ros.parameters.engines import make_stabilizer
 done, stabilizer = compile_kernels(), make_stabilizer({})
@@ -36,7 +36,7 @@ print(json.dumps([done.compiled, done.trouble, [track.ref_H_cur.tolist() for tra
 
 def answered(package: Path, **environment: str) -> tuple[int, str, list[list[float]]]:
     """How many kernels another process had to compile, why they cannot be kept, and its homographies."""
-    words = [sys.executable, "-c", PROGRAM, str(TESTS)]
+    words = [sys.executable, "-c", PROGRAM, str(HELPERS)]
     done = subprocess.run(words, cwd=package, env={**os.environ, "PYTHONPATH": str(package), **environment},
                           capture_output=True, text=True, timeout=300, check=True)
     compiled, trouble, homographies = json.loads(done.stdout)

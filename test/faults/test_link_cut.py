@@ -18,13 +18,14 @@ from truth import picture, translation
 
 CUT_S, RATE_HZ = 10.0, 10.0
 CAMERA = "--camera"
+HELPERS = Path(__file__).parents[1] / "helpers"
 
 
 @needs_root
 def test_the_stream_resumes_and_the_gap_is_told(tmp_path: Path) -> None:
     """This file again as two programs: a camera on one host; tracker and who listens to it on the other."""
     name = f"stab{os.getpid() % 10000}"
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1]), "ROS_LOG_DIR": str(tmp_path),
+    environment = {**os.environ, "PYTHONPATH": str(HELPERS), "ROS_LOG_DIR": str(tmp_path),
                    "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_DOMAIN_ID": str(next_domain())}
     with two_hosts(name) as (there, here):
         camera = subprocess.Popen([*there, sys.executable, __file__, CAMERA, str(tmp_path)], env=environment)

@@ -152,6 +152,7 @@ def test_wrong_input_leaves_nothing(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+HELPERS = Path(__file__).parents[1] / "helpers"
 FILL_THE_DISK = """
 import resource, sys
 from pathlib import Path
@@ -174,7 +175,7 @@ except WorkError as error:
 
 def test_full_disk_leaves_all_whole_chunks_to_any_reader(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-    run = subprocess.run([sys.executable, "-c", FILL_THE_DISK, path, Path(__file__).parents[1]],
+    run = subprocess.run([sys.executable, "-c", FILL_THE_DISK, path, HELPERS],
                          capture_output=True, text=True, check=False)
     assert run.returncode == 1
     assert run.stderr.splitlines() == [f"{path}: File too large, what was written so far is in {path}.partial"]
@@ -190,7 +191,7 @@ def test_full_disk_leaves_all_whole_chunks_to_any_reader(tmp_path: Path) -> None
 
 def test_full_disk_from_the_first_byte(tmp_path: Path) -> None:
     code = FILL_THE_DISK.replace("40_000", "5")
-    run = subprocess.run([sys.executable, "-c", code, tmp_path / "a.mcap", Path(__file__).parents[1]],
+    run = subprocess.run([sys.executable, "-c", code, tmp_path / "a.mcap", HELPERS],
                          capture_output=True, text=True, check=False)
     assert (run.returncode, len(run.stderr.splitlines())) == (1, 1)
     assert not list(tmp_path.iterdir())
@@ -218,7 +219,7 @@ with BagWriter(Path(sys.argv[1])) as writer:
 def killed(tmp_path: Path) -> Path:
     """What a recorder leaves that is killed after a chunk of ten messages was closed."""
     path = tmp_path / "killed.mcap"
-    process = subprocess.Popen([sys.executable, "-c", KILLED, path, Path(__file__).parents[1]], stdout=subprocess.PIPE)
+    process = subprocess.Popen([sys.executable, "-c", KILLED, path, HELPERS], stdout=subprocess.PIPE)
     assert process.stdout is not None
     assert process.stdout.readline() == b"ready\n"
     process.send_signal(signal.SIGKILL)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from conftest import Command
 from recordings import IMAGE_TOPIC, Entry, compressed, entries, write_mcap
-from test_report import Page, decoded, looked_up
+from report_page import Page, decoded, looked_up
 from truth import IDENTITY, frame, picture, random_noise, translation
 
 from stab_ros import __version__

@@ -16,6 +16,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.io.bag import Message
 from stab_ros.jobs.recover import recover
 
+HELPERS = Path(__file__).parents[1] / "helpers"
 RECORD_UNTIL_KILLED = """
 import itertools, sys
 from mcap.writer import Writer
@@ -44,7 +45,7 @@ def contents(path: Path) -> list[Message]:
 
 def test_recorder_killed_in_the_middle_of_its_work(tmp_path: Path) -> None:
     broken, fixed = tmp_path / "broken.mcap", tmp_path / "fixed.mcap"
-    process = subprocess.Popen([sys.executable, "-c", RECORD_UNTIL_KILLED, broken, Path(__file__).parents[1]],
+    process = subprocess.Popen([sys.executable, "-c", RECORD_UNTIL_KILLED, broken, HELPERS],
                                stdout=subprocess.PIPE)
     assert process.stdout is not None
     assert process.stdout.readline() == b"ready\n"

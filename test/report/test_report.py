@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 from conftest import Command
 from recordings import entries, write_mcap
+from report_page import Page, decoded, looked_up
 from truth import IDENTITY, flat, frame, picture, translation
 
 from stab_ros import __version__
-from stab_ros.core.types import Gray, Image, State, Track
+from stab_ros.core.types import Gray, State, Track
 from stab_ros.io.bag import BagWriter, topic_of
 from stab_ros.io.messages import CAMERA_INFO, IMAGE, header_of, homography_cdr, image_cdr
 from stab_ros.report.numbers import shown
@@ -27,55 +25,6 @@ from stab_ros.synthetic.flight import Shot
 
 SIZE = (480, 360)
 SECTIONS = ("boxes", "series", "field", "motion", "worst", "calibration")
-
-
-class Page(HTMLParser):
-    """What a browser would make of it."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__()
-        self.source = path.read_text(encoding="utf-8")
-        self.images: list[dict[str, str | None]] = []
-        self.numbers: list[tuple[str, str]] = []  # JSON pointer and text
-        self.links: list[str] = []
-        self.ids: list[str] = []
-        self.text = ""
-        self.unnumbered = ""  # the text without the numbers that name their place
-        self.scripts: dict[str, str] = {}
-        self._stack: list[tuple[str, dict[str, str | None]]] = []
-        self.feed(self.source)
-        assert not self._stack, "every element is closed"
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        of = dict(attrs)
-        self.ids += [of["id"] or ""] if "id" in of else []
-        self.links += [value or "" for name, value in attrs if name in ("src", "href", "action", "data")]
-        if tag == "img":
-            self.images.append(of)
-        if tag not in ("img", "meta", "link", "input", "br", "wbr"):
-            self._stack.append((tag, of))
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self._stack.pop()[0] == tag
-
-    def handle_data(self, data: str) -> None:
-        tag, of = self._stack[-1] if self._stack else ("", {})
-        if tag == "script":
-            self.scripts[of.get("id") or ""] = data
-        elif tag != "style":
-            self.text += " " + data
-            pointer = of.get("data-pointer")
-            if pointer is not None:
-                self.numbers.append((pointer, data))
-            self.unnumbered += " " + ("" if pointer is not None else data)
-
-
-def looked_up(tree: Any, pointer: str) -> Any:
-    """RFC 6901."""
-    for step in pointer.split("/")[1:]:
-        name = step.replace("~1", "/").replace("~0", "~")
-        tree = tree[int(name)] if isinstance(tree, list) else tree[name]
-    return tree
 
 
 @pytest.fixture(scope="module")
@@ -170,11 +119,6 @@ def test_every_figure_is_there_with_a_text_for_those_who_cannot_see_it(report: P
         drawn = decoded(image["src"] or "")
         assert min(drawn.shape[:2]) > 300
         assert drawn.std() > 5, "not empty"
-
-
-def decoded(uri: str) -> Image:
-    content = base64.b64decode(uri.partition("base64,")[2])
-    return np.asarray(cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR))
 
 
 def test_the_scrub_holds_both_streams_in_step(report: Path) -> None:
