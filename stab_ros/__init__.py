@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from stab_ros.core.geometry import rms_distance
     from stab_ros.core.region import Area, Region
     from stab_ros.core.types import Frame, Homography, Image, Stabilized, State, Track
-    from stab_ros.evaluation.evaluator import Arrival, Evaluator, EvaluatorConfig
+    from stab_ros.evaluation.evaluator import Arrival, Evaluator
     from stab_ros.evaluation.frame_metrics import FrameMetrics
+    from stab_ros.evaluation.settings import EvaluatorConfig
     from stab_ros.imaging.camera import Camera
     from stab_ros.imaging.warp import warp
     from stab_ros.io.homographies import HomographyRow, HomographyWriter, read_homographies
@@ -25,8 +26,10 @@ if TYPE_CHECKING:
     from stab_ros.io.regions import read_area
     from stab_ros.io.source import Picture, Source, open_source
     from stab_ros.io.static_maps import read_static_map
-    from stab_ros.parameters.engines import make_evaluator, make_stabilizer, read_config
-    from stab_ros.tracking.stabilizer import Stabilizer, StabilizerConfig
+    from stab_ros.parameters.engines import make_evaluator, make_stabilizer
+    from stab_ros.parameters.file import read_config
+    from stab_ros.tracking.settings import StabilizerConfig
+    from stab_ros.tracking.stabilizer import Stabilizer
     from stab_ros.tracking.static_map import StaticMap
 
 __all__ = [
@@ -73,8 +76,9 @@ _NAMES = {
     "core.geometry": ("rms_distance",),
     "core.region": ("Area", "Region"),
     "core.types": ("Frame", "Homography", "Image", "Stabilized", "State", "Track"),
-    "evaluation.evaluator": ("Arrival", "Evaluator", "EvaluatorConfig"),
+    "evaluation.evaluator": ("Arrival", "Evaluator"),
     "evaluation.frame_metrics": ("FrameMetrics",),
+    "evaluation.settings": ("EvaluatorConfig",),
     "imaging.camera": ("Camera",),
     "imaging.warp": ("warp",),
     "io.homographies": ("HomographyRow", "HomographyWriter", "read_homographies"),
@@ -82,8 +86,10 @@ _NAMES = {
     "io.regions": ("read_area",),
     "io.source": ("Picture", "Source", "open_source"),
     "io.static_maps": ("read_static_map",),
-    "parameters.engines": ("make_evaluator", "make_stabilizer", "read_config"),
-    "tracking.stabilizer": ("Stabilizer", "StabilizerConfig"),
+    "parameters.engines": ("make_evaluator", "make_stabilizer"),
+    "parameters.file": ("read_config",),
+    "tracking.settings": ("StabilizerConfig",),
+    "tracking.stabilizer": ("Stabilizer",),
     "tracking.static_map": ("StaticMap",),
 }
 _MODULE_OF = {name: f"{__name__}.{module}" for module, names in _NAMES.items() for name in names}

@@ -10,8 +10,8 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from stab_ros import __version__
 from stab_ros.core.errors import WorkError
+from stab_ros.core.version import __version__
 from stab_ros.evaluation.summary import Json
 from stab_ros.io.outputs import completed
 
