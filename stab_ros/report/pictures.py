@@ -33,7 +33,7 @@ class ReportImages:
 
 
 def read_pictures(evaluation: Evaluation, streams: Streams, progress: Progress) -> ReportImages:
-    """Selects the worst frames of every stream, and the scrubber's frames of the last one with those at the same time."""
+    """Selects the worst frames of every stream, and those of the scrubber: of the last stream, and their partners."""
     pictures, leafed = ReportImages(), leaves(evaluation.topics[-1])
     total, done = sum(len(topic.rows) for topic in evaluation.topics), 0
     for stream, topic in zip(streams, evaluation.topics, strict=True):
