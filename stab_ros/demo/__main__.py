@@ -1,7 +1,7 @@
 """Replays bags/sample.mcap through the live nodes and shows the result: `python -m stab_ros.demo [FOLDER] [--rate R]`.
 
-Exit codes: 0 all that is promised holds, 1 something does not or a node failed, 2 the sample is not there or the usage
-is wrong, 130 interrupted.
+Exit codes: 0 all promises hold, 1 a promise does not hold or a node failed, 2 the sample is missing or the usage is
+wrong, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the demo and gives its exit code."""
+    """Runs the demo and returns its exit code."""
     parser = Parser(prog="python -m stab_ros.demo", description="Shows the main job at work.")
     parser.add_argument("folder", nargs="?", type=Path, default=Path("demo_output"), help="where the results go")
     parser.add_argument("--rate", type=positive_float, default=1.0, metavar="R",
                         help="how fast the flight is played, times real time (default: 1); changes no result")
     options = parser.parse_args(arguments)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: the nodes must not outlive us
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C, so that the nodes end as well
     try:
         return _tell(run(options.folder, options.rate))
     except StabRosError as error:
@@ -48,10 +48,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def run(folder: Path, rate: float) -> DemoResult:
-    """Everything, into `folder`.
+    """Runs all stages, with all outputs in `folder`.
 
     Raises:
-        InputError: the sample cannot be read, or the rate be played. WorkError: a node failed and left no bag.
+        InputError: the sample is unreadable, or the rate cannot be played. WorkError: a node failed and left no bag.
     """
     truth, files = read_homographies(TRUTH), Files(folder)
     job = Replay(SAMPLE, len(truth), files.bag, files.log, rate, SCALE)
@@ -71,13 +71,13 @@ def run(folder: Path, rate: float) -> DemoResult:
 
 
 def _compile() -> str:
-    """Before the nodes start, each of which would otherwise compile on its own."""
+    """Compiles before the nodes start, each of which would otherwise do it."""
     done = compile_all()
     return f"{done.total} kernels, {done.compiled} of them new"
 
 
 def _replay(job: Replay) -> tuple[str, str]:
-    """What came of it, and why it broke off, empty if it did not: what was recorded is judged all the same."""
+    """The outcome, and why the replay failed, else ""; the recording is evaluated in either case."""
     try:
         return f"{replay(job)} of {job.frames} frames answered and measured", ""
     except WorkError as error:

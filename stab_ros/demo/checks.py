@@ -1,4 +1,4 @@
-"""What the demo promises, what came of it, and where it did not hold: in words for who sees it the first time."""
+"""The promises of the demo, whether they hold, and advice where they do not."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from stab_ros.demo.command import Apart
 from stab_ros.demo.judgement import Judgement
 from stab_ros.demo.result import Answers, ReplayResult
 
-# The README's promise, and five times as much for a single frame: 3 mm on the ground of the sample, which no
-# measurement of its water notices. A frame that is registered wrongly is off by far more.
+# The promise of the README, and five times as much for a single frame: 3 mm on the ground of the sample, which is
+# negligible in velocimetry. The error of a wrongly registered frame is much larger.
 _ERROR_95_PX, _ERROR_MAX_PX = 0.01, 0.05
-_SAME = 1e-9  # of homographies and of measures: what passes through messages is rounded a last time
-_RUNS = 5  # of frames that a sentence names
+_SAME = 1e-9  # of homographies and of metrics: messages round them once more
+_RUNS = 5  # number of runs of frames that a sentence lists
 
 
 @dataclass(frozen=True)
 class Check:
-    """A promise, and what was found. failure: a sentence; empty where the promise holds."""
+    """A promise and its result. failure: a sentence; empty if the promise holds."""
 
     promise: str
     found: str
     failure: str = ""
 
     def text(self) -> str:
-        """A line to read."""
+        """One line of text."""
         return f"{'NO ' if self.failure else 'yes'}  {self.promise:<64}{self.found}"
 
 
 def checks(result: ReplayResult, answers: Answers, command: Apart, folder: Path) -> Iterator[Check]:
-    """Of the tracker."""
+    """The promises of the tracker."""
     log = folder / "log"
     yield _answered(result, log)
     yield _tracked(result, log)
@@ -44,7 +44,7 @@ def checks(result: ReplayResult, answers: Answers, command: Apart, folder: Path)
 
 
 def judging_check(judgement: Judgement, log: Path) -> Check:
-    """Of the evaluator."""
+    """The promise of the evaluator."""
     failure, apart = "", judgement.live_difference
     if judgement.unmeasured:
         failure = (f"{frames_text(judgement.unmeasured)} got no measures from the live evaluator; "
@@ -69,7 +69,7 @@ def _tracked(result: ReplayResult, log: Path) -> Check:
 
 
 def _errors(result: ReplayResult, folder: Path) -> Iterator[Check]:
-    """Nothing to compare is the failure of the checks before."""
+    """The errors against the truth; none without frames to compare, which other checks report."""
     if not len(result.error_px):
         return
     share, worst = float(np.percentile(result.error_px, 95)), int(np.argmax(result.error_px))
@@ -105,7 +105,7 @@ def _as_command(answers: Answers, command: Apart, folder: Path) -> Check:
 
 
 def frames_text(frames: Sequence[int]) -> str:
-    """Their numbers, ascending, in words: `frame 3`, `frames 3 to 5 and 9`."""
+    """Ascending frame numbers as text: `frame 3`, `frames 3 to 5 and 9`."""
     runs = [[frame for _, frame in run] for _, run in groupby(enumerate(frames), lambda pair: pair[1] - pair[0])]
     named = [f"{run[0]}" if len(run) == 1 else f"{run[0]} to {run[-1]}" for run in runs[:_RUNS]]
     more = sum(len(run) for run in runs[_RUNS:])

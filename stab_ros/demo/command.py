@@ -1,4 +1,4 @@
-"""The same flight by the command, without ROS: what the live nodes must have answered."""
+"""The same flight through the command, without ROS; the live nodes must give the same homographies."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from stab_ros.jobs.stabilize import Job, stabilize
 
 
 def as_command(recording: Path, table: Path) -> list[HomographyRow]:
-    """What `stab-ros stabilize RECORDING OUT.mcap --homographies TABLE` writes into the table.
+    """Runs `stab-ros stabilize RECORDING OUT.mcap --homographies TABLE` and returns the rows of the table.
 
     Raises:
-        InputError: the recording cannot be read. WorkError: the table cannot be written.
+        InputError: the recording is unreadable. WorkError: the table cannot be written.
     """
     with TemporaryDirectory() as folder, bar("as command") as progress:
         stabilize(Job(recording, Path(folder) / "out.mcap", {}, homographies=table, with_image=False, force=True),
@@ -30,14 +30,14 @@ def as_command(recording: Path, table: Path) -> list[HomographyRow]:
 
 @dataclass(frozen=True)
 class Apart:
-    """largest: difference of any element of two homographies, infinite if one is lost. frame: where that is."""
+    """The largest difference of an element of two homographies, infinite if one is lost. frame: its frame."""
 
     largest: float
     frame: int
 
 
 def apart(command: Sequence[HomographyRow], answers: Answers) -> Apart:
-    """How far the live homographies are from the command's; of the frames that were answered."""
+    """The difference between live homographies and those of the command, over the answered frames."""
     answered = [row for row in command if row.stamp_ns in answers.homographies]
     each = [Apart(_difference(answers.homographies[row.stamp_ns], row.ref_H_cur), row.frame) for row in answered]
     return max(each, key=lambda one: one.largest, default=Apart(0.0, 0))

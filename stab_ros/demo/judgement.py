@@ -1,4 +1,4 @@
-"""How still the stabilised flight stands: what the evaluator node told live, and what the command finds in the bag."""
+"""Residual motion of the stabilised flight: from the live evaluator node, and from the command on the bag."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SHOWN = ("displacement_reference_px", "displacement_previous_px", "rmse_referen
 
 @dataclass(frozen=True)
 class Judgement:
-    """live_difference: the largest between live and command, of any measure. unmeasured: frames without live ones."""
+    """The evaluation. live_difference: the largest from any live metric. unmeasured: frames without live metrics."""
 
     evaluation: Evaluation
     live_difference: float
@@ -34,7 +34,7 @@ class Judgement:
     report: Path
 
     def text(self) -> str:
-        """A few lines to read."""
+        """The medians as a table."""
         raw, steady = (_of(self.evaluation, name) for name in (RAW, STABILIZED))
         title = f"{'how still it stands, median':<32}{'as recorded':>14}{'stabilised':>14}"
         rows = (f"{name:<32}{_median(raw, name):>14}{_median(steady, name):>14}" for name in _SHOWN)
@@ -42,10 +42,10 @@ class Judgement:
 
 
 def judge(bag: Path, folder: Path, values: Mapping[str, Value]) -> Judgement:
-    """Evaluates the bag that was recorded, compares, and writes the report into `folder`.
+    """Evaluates the recorded bag, compares it with the live metrics, and writes the report into `folder`.
 
     Raises:
-        InputError: there is nothing to judge in it. WorkError: the report cannot be written.
+        InputError: the bag holds nothing to evaluate. WorkError: the report cannot be written.
     """
     job = EvaluationJob(bag, values)
     with bar("evaluate") as progress:
@@ -63,7 +63,7 @@ def _of(evaluation: Evaluation, name: str) -> TopicEvaluation:
 
 
 def _live(bag: Path, steady: TopicEvaluation) -> tuple[float, list[int]]:
-    """The largest difference of any measure, and the frames that have none."""
+    """The largest difference of any metric, and the frames without live metrics."""
     with open_bag(bag) as reader:
         live = {read_stamp(message.data): read_values(message.data)
                 for message in reader.messages({METRICS} & set(reader.topics))}
@@ -73,7 +73,7 @@ def _live(bag: Path, steady: TopicEvaluation) -> tuple[float, list[int]]:
 
 
 def _apart(one: str, other: str) -> float:
-    """How far two numbers differ; a missing one differs from any."""
+    """The difference of two numbers; infinite if only one of them exists."""
     if one == other:
         return 0.0
     return abs(float(one) - float(other)) if one and other else math.inf

@@ -1,6 +1,7 @@
-"""Whether anything moves among the nodes, so that a slow machine is waited for and one that hangs is not; without ROS.
+"""Detects whether the nodes make progress, to tell a slow machine from one that hangs; without ROS.
 
-What a node says on /diagnostics is news if a count or what it waits for has changed. Time is counted in waits.
+A report of a node on /diagnostics is news if a count, or what the node waits for, has changed. Time is the sum of
+the waits.
 """
 
 from __future__ import annotations
@@ -9,13 +10,13 @@ from collections.abc import Iterable, Mapping
 
 from stab_ros.nodes.free_time import FreeTime
 
-_PATIENCE_NS = 600 * 10**9  # one kernel, or one frame, takes less on any machine that is worth waiting for
+_PATIENCE_NS = 600 * 10**9  # longer than one kernel or one frame takes on any usable machine
 _IDLE_REPORTS = 30  # one a second; a message that DDS lost comes again after 3 s
 _COUNTS = ("frames_", "messages", "rounds")
 
 
 class News:
-    """nodes: by the names that their diagnostics end with."""
+    """The progress of several nodes. nodes: the last parts of the names of their diagnostics."""
 
     def __init__(self, nodes: Iterable[str]) -> None:
         self._free = FreeTime()
@@ -26,16 +27,16 @@ class News:
         self._idle = dict.fromkeys(self._heard_ns, 0)
 
     def waited(self, elapsed_ns: int, most_ns: int) -> None:
-        """A wait is over; it counts for `most_ns` at most, as we may have been stopped meanwhile."""
+        """Adds a wait; it counts for `most_ns` at most, as this process may have been stopped meanwhile."""
         self._free.waited(elapsed_ns, most_ns)
 
     def moved(self) -> None:
-        """Something came, whatever it is."""
+        """Notes progress of any kind."""
         self._moved_ns = self._free.ns
         self._idle = dict.fromkeys(self._idle, 0)
 
     def on_report(self, name: str, message: str, values: Mapping[str, str]) -> bool:
-        """A status from /diagnostics; whether it was news. What tells how long it is silent already is none."""
+        """Takes a status from /diagnostics; returns whether it was news. The duration of a silence is not."""
         node = name.rpartition("/")[2]
         if node not in self._heard_ns:
             return False
@@ -50,12 +51,12 @@ class News:
         return False
 
     def are_idle(self, nodes: Iterable[str]) -> bool:
-        """Whether all of these are alive, and again and again had nothing new to tell."""
+        """Whether all these nodes have sent reports without news for some time."""
         return all(self._idle[node] >= _IDLE_REPORTS for node in nodes)
 
     @property
     def hang(self) -> str:
-        """If nothing has moved for too long: in what way; else empty."""
+        """A description of the nodes if nothing has progressed for too long; else ""."""
         if self._free.ns - self._moved_ns <= _PATIENCE_NS:
             return ""
         silent = [node for node, heard_ns in self._heard_ns.items() if self._free.ns - heard_ns > _PATIENCE_NS / 2]

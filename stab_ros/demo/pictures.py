@@ -1,4 +1,4 @@
-"""Before and after, to look at: a video side by side, and a picture that shows how still the ground stands."""
+"""Before and after: a video side by side, and an image that shows the residual motion of the ground."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def show(recording: Path, stabilized: Path, folder: Path) -> tuple[Path, Path]:
     """Writes before_after.mp4 and before_after.png.
 
     Raises:
-        WorkError: they cannot be written, or there is no picture.
+        WorkError: they cannot be written, or the bag holds no image.
     """
     video, picture = folder / "before_after.mp4", folder / "before_after.png"
     before, after = _Stack(), _Stack()
@@ -46,7 +46,7 @@ def show(recording: Path, stabilized: Path, folder: Path) -> tuple[Path, Path]:
 
 
 def _pairs(recording: Path, stabilized: Path) -> Iterator[tuple[Frame, Frame]]:
-    """Every frame as recorded and as stabilised; one without a picture, from the start, is passed over."""
+    """Every frame as recorded and as stabilised; skips frames without a stabilised image."""
     with open_source(recording) as source, open_bag(stabilized) as bag:
         raws = (item.decoded for item in source.frames())
         for message in bag.messages({STABILIZED}):
@@ -59,7 +59,7 @@ def _pairs(recording: Path, stabilized: Path) -> Iterator[tuple[Frame, Frame]]:
 
 
 class _Stack:
-    """The mean of many pictures, and one line of each: beside each other, what stands still makes straight lines."""
+    """The mean of many images, and one line of each; side by side, static ground gives straight lines."""
 
     def __init__(self) -> None:
         self._sum: FloatArray = np.zeros(())

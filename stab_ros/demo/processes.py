@@ -1,4 +1,4 @@
-"""The nodes as processes, none of which outlives the demo."""
+"""The nodes as child processes, which end with the demo."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from pathlib import Path
 
 from stab_ros.core.errors import WorkError
 
-PLAYER = "bag_player_node"  # which ends by itself
+PLAYER = "bag_player_node"  # ends by itself
 _STEP_S = 0.1
-_END_STEPS, _STOP_STEPS = 6000, 600  # waits for a node to end: of itself, and after a failure before it is killed
+_END_STEPS, _STOP_STEPS = 6000, 600  # waits for a node to end: normally, and after a failure until it is killed
 
 
 class Node:
@@ -30,13 +30,13 @@ class Node:
         return self._process.poll() is not None
 
     def check(self) -> None:
-        """Raises WorkError if the node has ended, unless that is its way and all went well."""
+        """Raises WorkError if the node has ended, except for the player with exit code 0."""
         code = self._process.poll()
         if code or (code == 0 and self.name != PLAYER):
             raise WorkError(f"{self.name} {_end_in_words(code)} before the flight was over; {self._last_words()}")
 
     def end(self) -> None:
-        """Asks it to finish; raises WorkError if it does not, or not well."""
+        """Stops the node; raises WorkError if it does not end, or with an error."""
         if self.name != PLAYER:
             self._process.send_signal(signal.SIGINT)
         if not _has_ended(self._process, _END_STEPS):
@@ -59,7 +59,7 @@ def _end_in_words(code: int) -> str:
 
 
 def _has_ended(process: subprocess.Popen[bytes], steps: int) -> bool:
-    """Counted in waits: if we are stopped meanwhile, it is not the node that hangs."""
+    """Waits for the end. Counts waits and not time, as this process may be stopped meanwhile."""
     for _ in range(steps):
         try:
             process.wait(_STEP_S)
@@ -71,7 +71,7 @@ def _has_ended(process: subprocess.Popen[bytes], steps: int) -> bool:
 
 @contextmanager
 def started(name: str, log: Path, parameters: Mapping[str, object], *remaps: str) -> Iterator[Node]:
-    """Starts what the executable of this name runs; in a session of its own, as Ctrl-C is for us."""
+    """Starts the node of this executable, in a separate session, so that Ctrl-C does not reach it."""
     words = [sys.executable, "-m", f"stab_ros.nodes.{name.removesuffix('_node')}", "--ros-args"]
     for rule in remaps:
         words += ["-r", rule]
@@ -91,7 +91,7 @@ def started(name: str, log: Path, parameters: Mapping[str, object], *remaps: str
 
 @contextmanager
 def _signals_wait() -> Iterator[None]:
-    """A Ctrl-C takes effect at the end: in the midst of starting a process it would leave one that nobody knows."""
+    """Delays Ctrl-C to the end of the block; during the start of a process it would leave an unknown child."""
     caught: list[int] = []
     numbers = (signal.SIGINT, signal.SIGTERM)
     before = {number: signal.signal(number, lambda caught_now, _: caught.append(caught_now)) for number in numbers}
@@ -105,8 +105,8 @@ def _signals_wait() -> Iterator[None]:
 
 
 def _stop(process: subprocess.Popen[bytes]) -> None:
-    """Ends what still runs after a failure."""
-    process.terminate()  # no effect where it has ended
+    """Ends a process that still runs after a failure."""
+    process.terminate()  # no effect if it has ended
     if not _has_ended(process, _STOP_STEPS):
         process.kill()
         process.wait()

@@ -30,17 +30,17 @@ METRICS, RAW = "/camera/metrics", "/camera/image_raw/compressed"
 RECORDER, TRACKER, EVALUATOR = "bag_recorder_node", "tracker_node", "evaluator_node"
 _PASSED_ON = (RAW, "/camera/camera_info", "/gps/fix")
 _STEP_NS = 100_000_000
-_FIRST_DOMAIN, _DOMAINS = 215, 18  # whose ports Linux gives to nobody else, and which few choose
+_FIRST_DOMAIN, _DOMAINS = 215, 18  # domains outside of the ephemeral ports of Linux, and rarely used
 
 
 @dataclass(frozen=True)
 class Replay:
-    """What is played, how many pictures it holds, where all is recorded to and where the nodes' words go.
+    """A replay. frames: number of images in the recording. output: the bag to record. log: folder of the nodes' logs.
 
-    rate: of the player, times real time. judging: parameters of the evaluator.
+    rate: of the player, relative to real time. judging: parameters of the evaluator.
 
     Raises:
-        ConfigError: the player knows no such rate.
+        ConfigError: the rate is out of range.
     """
 
     recording: Path
@@ -55,10 +55,13 @@ class Replay:
 
 
 def replay(job: Replay) -> int:
-    """Plays, tracks, judges and records until all is answered, or nothing more will be; how many frames were.
+    """Plays, tracks, evaluates and records until every frame is answered or the nodes are idle.
+
+    Returns:
+        The number of answered frames.
 
     Raises:
-        WorkError: a node failed, or they hang.
+        WorkError: a node failed, or the nodes hang.
     """
     _prepare(job.log)
     topics = [HOMOGRAPHY, TRACK, STABILIZED, METRICS, *_PASSED_ON]
@@ -68,21 +71,21 @@ def replay(job: Replay) -> int:
         tracker = stack.enter_context(started(TRACKER, job.log, {
             "image_transport": "compressed", "queue_depth": 0, "wait_for_subscribers": 3,
         }, "__ns:=/camera", "~/track:=track"))
-        # recorder and `answers` must not miss a frame: the evaluator waits for both, and the tracker for all three
+        # recorder and listener must not miss a frame: the evaluator waits for both, and the tracker for all three
         evaluator = stack.enter_context(started(
             EVALUATOR, job.log, {**job.judging, "wait_for_subscribers": 2}, "__ns:=/camera", "~/metrics:=metrics"))
-        answers = stack.enter_context(_Listener.subscribed())
+        listener = stack.enter_context(_Listener.subscribed())
         player = stack.enter_context(started(
             PLAYER, job.log, {"bag": str(job.recording), "rate": job.rate, "wait_for_subscribers": 2}))
-        answers.wait_for(job.frames, player, (recorder, tracker, evaluator))
-        # the tracker last: its last picture may be on the way to the recorder
+        listener.wait_for(job.frames, player, (recorder, tracker, evaluator))
+        # the tracker last: its last image may still be on the way to the recorder
         for node in (player, recorder, evaluator, tracker):
             node.end()
-        return answers.count
+        return listener.count
 
 
 def _prepare(log: Path) -> None:
-    """Our own DDS domain on this machine, so that nobody else's nodes meet ours; logs of an earlier run go."""
+    """Sets a separate DDS domain on this machine, and removes the logs of an earlier run."""
     log.mkdir(exist_ok=True)
     for earlier in (*log.glob("*.log"), *log.glob("*_node.txt")):
         earlier.unlink()
@@ -92,7 +95,7 @@ def _prepare(log: Path) -> None:
 
 
 class _Listener:
-    """Counts the homographies and the metrics as they come, and hears what the nodes say of themselves."""
+    """Counts the homographies and metrics, and follows the diagnostics of the nodes."""
 
     def __init__(self, executor: SingleThreadedExecutor) -> None:
         self._counts = {HOMOGRAPHY: 0, METRICS: 0}
@@ -101,7 +104,7 @@ class _Listener:
 
     @property
     def count(self) -> int:
-        """How many frames have been answered by both."""
+        """Number of frames with both a homography and metrics."""
         return min(self._counts.values())
 
     @classmethod
@@ -123,10 +126,10 @@ class _Listener:
             rclpy.try_shutdown()
 
     def wait_for(self, frames: int, player: Node, others: tuple[Node, ...]) -> None:
-        """Shows progress until there are `frames` answers, or the flight is over and nobody has anything to do.
+        """Shows progress until there are `frames` answers, or the flight is over and the nodes are idle.
 
         Raises:
-            WorkError: a node failed, or nothing moves any more.
+            WorkError: a node failed, or the nodes make no progress.
         """
         with bar("replay") as progress:
             while not self._are_complete(frames, player):

@@ -1,4 +1,4 @@
-"""What the live nodes answered, beside the truth."""
+"""The results of the live nodes, compared with the truth."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _START_NS = round(StabilizerConfig().start_s * 1e9)
 
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """By the stamp of the frame: its homography, what else is known of its track; the stamps of the pictures."""
+    """Homographies and track values by the stamp of the frame. images: stamps of the stabilised images."""
 
     homographies: Mapping[int, Homography | None]
     tracks: Mapping[int, Mapping[str, str]]
@@ -31,10 +31,10 @@ class Answers:
 
 @dataclass(frozen=True, eq=False)
 class ReplayResult:
-    """What became of the frames, by their numbers; errors in px, RMS over the 9x9 grid, of those that are compared.
+    """The results of all frames, by number; errors in px, RMS over the 9x9 grid, of the compared ones.
 
-    late: those that the start answers late, without a picture. at_once: tracked, and not late; they have pictures, but
-    those `without_picture`.
+    late: frames in the start-up buffer, which are answered without an image. at_once: tracked and not late; they have
+    images, except those `without_picture`.
     """
 
     frames: int
@@ -57,7 +57,7 @@ class ReplayResult:
         return self.answered - len(self.lost)
 
     def text(self) -> str:
-        """A few lines to read."""
+        """The counts, and the errors as a table."""
         head = f"{self.answered} of {self.frames} frames answered, {self.tracked} tracked, {self.pictures} pictures "
         head += f"(none of the start, {len(self.late)} frames)"
         title = f"{'distance to the truth, px':<28}{'median':>9}{'95 %':>9}{'max':>9}"
@@ -72,10 +72,10 @@ def _statistics(values: FloatArray) -> str:
 
 
 def read_answers(path: Path) -> Answers:
-    """What is in the bag that the recorder made.
+    """Reads the bag of the recorder.
 
     Raises:
-        InputError: it cannot be read.
+        InputError: it is unreadable.
     """
     homographies: dict[int, Homography | None] = {}
     tracks: dict[int, Mapping[str, str]] = {}
@@ -95,7 +95,7 @@ def read_answers(path: Path) -> Answers:
 
 
 def compare(truth: Sequence[HomographyRow], answers: Answers) -> ReplayResult:
-    """Joined by stamp; the reference frame itself has no error and does not count."""
+    """Joins both by stamp; the reference frame has no error and is left out."""
     found, size = answers.homographies, answers.size
     known = [(row.frame, row.ref_H_cur, ref_H_cur) for row in truth[1:]
              if row.ref_H_cur is not None and (ref_H_cur := found.get(row.stamp_ns)) is not None]
@@ -116,13 +116,13 @@ def compare(truth: Sequence[HomographyRow], answers: Answers) -> ReplayResult:
 
 
 def _is_late(row: HomographyRow, first: HomographyRow, answers: Answers) -> bool:
-    """Whether a frame belongs to the start: by its stamp and that of the reference which the tracker has named."""
+    """Whether a frame was in the start-up buffer: by its stamp and that of its reference."""
     reference_ns = int(answers.tracks.get(row.stamp_ns, {}).get("reference_stamp_ns") or first.stamp_ns)
     return 0 < row.stamp_ns - reference_ns < _START_NS
 
 
 def write_table(path: Path, truth: Sequence[HomographyRow], answers: Answers) -> None:
-    """H.csv of the live run: a row for every frame of the recording, LOST where no answer came."""
+    """Writes H.csv of the live run: a row for every frame of the recording, LOST without an answer."""
     with HomographyWriter(path) as table:
         for row in truth:
             values = answers.tracks.get(row.stamp_ns, {})

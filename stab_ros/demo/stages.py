@@ -1,6 +1,6 @@
-"""What the demo says while it works: a line as each stage begins, and one when it is over, with its time.
+"""The progress of the demo: a line at the start of each stage, and one with its time at the end.
 
-Bars come in between, on a terminal only, and are wiped again; so a log file reads as the terminal does.
+Progress bars in between are shown on a terminal only and removed, so a log file has the same lines.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from stab_ros.jobs.progress_bar import make_bar
 
 @dataclass
 class StageReport:
-    """outcome: what came of it, once that is known."""
+    """The end of a stage. outcome: its result, as text."""
 
     outcome: str = "done"
 
 
 @contextmanager
 def stage(name: str, doing: str) -> Iterator[StageReport]:
-    """Tells that a stage begins, and how it ends unless an error ends it."""
+    """Prints the start of a stage, and its outcome unless an error ends it."""
     started_s = time.monotonic()
     _say(name, f"{doing} ...")
     current = StageReport()
@@ -32,7 +32,7 @@ def stage(name: str, doing: str) -> Iterator[StageReport]:
 
 @contextmanager
 def bar(what: str) -> Iterator[Callable[[int, int | None], None]]:
-    """Shows how many frames are done, and of how many."""
+    """A progress bar of frames."""
     with make_bar("frames", desc=what) as shown:
 
         def show(done: int, total: int | None) -> None:

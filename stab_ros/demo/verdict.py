@@ -1,4 +1,4 @@
-"""All that came of a replay: files to look at, which promises held, and what to open first."""
+"""The complete result of the demo: its files, which promises hold, and what to open first."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from stab_ros.io.homographies import HomographyRow
 
 @dataclass(frozen=True)
 class Files:
-    """Where everything goes."""
+    """The output files of the demo."""
 
     folder: Path
 
@@ -41,21 +41,21 @@ class Files:
 
     @property
     def all(self) -> Mapping[str, Path]:
-        """What there is to look at, by what it is."""
+        """All files for the user, by description."""
         named = {"homographies": "H.csv", "the command's": "H_command.csv", "video": "before_after.mp4",
                  "picture": "before_after.png"}
         return {"stabilised bag": self.bag, **{what: self.folder / name for what, name in named.items()},
                 "errors": self.errors, "report": self.report}
 
     def remove(self) -> None:
-        """What an earlier run has left must not be taken for this one's."""
+        """Removes the files of an earlier run."""
         for path in self.all.values():
             path.unlink(missing_ok=True)
 
 
 @dataclass(frozen=True, eq=False)
 class DemoResult:
-    """broken: what else went wrong, one line each."""
+    """The result of the demo. broken: further failures, one line each."""
 
     files: Files
     result: ReplayResult
@@ -65,17 +65,17 @@ class DemoResult:
 
     @property
     def failures(self) -> list[str]:
-        """A line for everything that did not hold; empty if all is well."""
+        """One line for each failure; empty if all promises hold."""
         return [*self.broken, *(check.failure for check in self.checks if check.failure)]
 
     def text(self) -> str:
-        """What was measured, what was promised, and which files there are."""
+        """Measurements, promises and files, as text."""
         made = [f"{what:<16}{path}" for what, path in self.files.all.items() if path.exists()]
         judged = [self.judgement.text(), ""] if self.judgement else []
         return "\n".join([self.result.text(), "", *judged, *(check.text() for check in self.checks), "", *made])
 
     def what_to_open(self) -> str:
-        """Two lines, the last ones."""
+        """The last two lines of the output."""
         video = self.files.all["video"]
         if self.failures:
             return (f"open first: {self.files.errors} (what did not hold), then\n"
@@ -86,12 +86,12 @@ class DemoResult:
 
 def reach(recording: Path, truth: Sequence[HomographyRow], files: Files, judging: Mapping[str, Value],
           broken: str) -> DemoResult:
-    """Judges what was recorded; what cannot be made because of what is missing in it is told, and the rest is made.
+    """Evaluates the recorded bag, as far as it is complete; missing parts are reported as failures.
 
-    judging: parameters of the evaluator. broken: why the replay broke off; empty if it did not.
+    judging: parameters of the evaluator. broken: why the replay failed; "" if it did not.
 
     Raises:
-        InputError: the bag cannot be read. WorkError: a table cannot be written.
+        InputError: the bag is unreadable. WorkError: a table cannot be written.
     """
     answers = read_answers(files.bag)
     write_table(files.all["homographies"], truth, answers)
@@ -111,7 +111,7 @@ def reach(recording: Path, truth: Sequence[HomographyRow], files: Files, judging
 
 @contextmanager
 def _noted(troubles: list[str]) -> Iterator[None]:
-    """What breaks off in here is added to `troubles`."""
+    """Adds the error of the block to `troubles`."""
     try:
         yield
     except StabRosError as error:

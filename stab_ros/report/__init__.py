@@ -1,4 +1,4 @@
-"""Reports of `stab-ros evaluate` and `compare`: one HTML file each to look at, which opens without a network."""
+"""Reports of `stab-ros evaluate` and `compare`: one self-contained HTML file each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Box plots of the displacement, as in Ljubicic et al. 2021, figures 11 to 14."""
+"""Box plots of the displacement, as in figures 11 to 14 of Ljubicic et al. 2021."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _KINDS = (
     ("displacement_previous_px", "the previous frame", PREVIOUS_COLOR),
 )
 _MOVING_COLOR = "#a0a0a0"
-_UPRIGHT = 7  # boxes whose names fit beside each other
-_NAMED = 26  # boxes that can be named one by one
-_DWARFED = 3.0  # times as high as what counts: from there on what moves on its own may leave the figure
+_UPRIGHT = 7  # largest number of boxes with horizontal names
+_NAMED = 26  # largest number of boxes that all have a name
+_DWARFED = 3.0  # ratio to the static points from which moving points may exceed the figure
 
 
 @dataclass(frozen=True)
 class _Box:
-    """counts: it is, or is in, the means."""
+    """One box. counts: whether it is part of the means."""
 
     name: str
     summary: Summary
@@ -32,7 +32,7 @@ class _Box:
 
 
 def box_panels(topics: Sequence[TopicEvaluation]) -> list[Panel]:
-    """For each stream two: against the reference, and against the frame before."""
+    """Two panels for each stream: against the reference, and against the previous frame."""
     return [_panel(topic, *kind) for topic in topics for kind in _KINDS]
 
 
@@ -76,7 +76,7 @@ def _draw(axes: Axes, position: int, box: _Box, color: str) -> None:
 
 
 def _name_boxes(axes: Axes, boxes: Sequence[_Box]) -> None:
-    """Every one, or as many as there is room for."""
+    """Names every box, or as many as there is space for."""
     every = -(-len(boxes) // _NAMED)
     axes.set_xticks(range(0, len(boxes), every), [box.name for box in boxes[::every]],
                     rotation=0 if len(boxes) <= _UPRIGHT else 90)
@@ -84,7 +84,7 @@ def _name_boxes(axes: Axes, boxes: Sequence[_Box]) -> None:
 
 
 def _cut_axis(axes: Axes, boxes: Sequence[_Box]) -> bool:
-    """Ends the axis above what counts, so that it can be read beside what moves; whether medians lie beyond."""
+    """Limits the axis to the static points where moving ones dwarf them; returns whether medians lie beyond."""
     axes.set_ylim(bottom=0)
     highest, counted = (max((box.summary.max for box in some), default=0.0)
                         for some in (boxes, [box for box in boxes if box.counts]))

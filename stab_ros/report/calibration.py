@@ -1,4 +1,4 @@
-"""The d(RMSD) fit of every verification point, Eq. 3 of Ljubicic et al. 2021."""
+"""The d(RMSD) fit of every verification point: Eq. 3 of Ljubicic et al. 2021."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from stab_ros.report.numbers import shown
 from stab_ros.report.panel import Panel, drawn, label, legend, new_axes
 
 _COLORS = "tab20"
-_NAMED = 24  # points, more of which leave no room for the axes beside their legend
+_NAMED = 24  # largest number of points with a legend
 
 
 def calibration_panels(topics: Sequence[TopicEvaluation]) -> list[Panel]:
-    """Once where all streams have the same reference."""
+    """One panel for each distinct reference."""
     shown = {tuple(point.calibration for point in topic.points): topic for topic in topics}
     return [_panel(topic) for topic in shown.values()]
 

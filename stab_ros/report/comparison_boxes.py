@@ -1,4 +1,4 @@
-"""Methods below each other: box plots of what is left of the motion, bars of what they cost."""
+"""One row for each method: box plots of the residual motion, bars of time and memory."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from stab_ros.report.panel import PREVIOUS_COLOR, REFERENCE_COLOR, Panel, drawn,
 
 _RAW_COLOR = "#a0a0a0"
 _ROW_IN = 0.3
-_WIDE = 20.0  # ratio of the largest number to the smallest, from which the axis is logarithmic
+_WIDE = 20.0  # ratio of largest to smallest value from which the axis is logarithmic
 _HALF = 0.3  # height of a box
 _BOX = "Box: quartiles and median; whiskers: to the outermost value within 1.5 interquartile ranges; dots: outliers."
 _LOG = " The axis is logarithmic."
@@ -22,7 +22,7 @@ Row = tuple[str, Summary]
 
 
 def box_panels(comparison: Comparison) -> list[Panel]:
-    """Error where the truth is known, and displacement against the reference and against the frame before."""
+    """Error, if the truth is known, and displacement against the reference and the previous frame."""
     results = (comparison.raw, *comparison.methods)
     panels = [_boxes("Error against the truth", "error", results, lambda one: one.error_px, REFERENCE_COLOR)]
     return [*(panels if comparison.has_truth else []), *(
@@ -50,7 +50,7 @@ def _boxes(title: str, what: str, results: Sequence[MethodResult], of: Callable[
 
 
 def _rows(names: Sequence[str]) -> tuple[Figure, Axes]:
-    """Axes with a row for each name, the first one on top."""
+    """Axes with a row for each name, the first at the top."""
     figure, axes = new_axes(max(2.0, 1.0 + _ROW_IN * len(names)))
     axes.set_yticks(range(len(names)), list(map(shortened, names)))
     axes.set_ylim(len(names) - 0.4, -0.6)
@@ -68,7 +68,7 @@ def _draw(axes: Axes, at: int, box: Summary, color: str) -> None:
 
 
 def _scale(axes: Axes, values: Sequence[float]) -> bool:
-    """From zero, or logarithmic where that would hide the small ones; whether it is."""
+    """Scales the axis from zero, or logarithmically for a wide range; returns whether it is logarithmic."""
     known = [value for value in values if value > 0]
     if known and max(known) > _WIDE * min(known):
         logarithmic(axes, "x", 0.6 * min(known), 1.6 * max(known))

@@ -1,4 +1,4 @@
-"""Each method's worst frame over its reference, beside the same frame as the camera took it."""
+"""The worst frame of each method over its reference, beside the same raw frame."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from stab_ros.report.sampling import worst_frames
 
 @dataclass(frozen=True)
 class _Worst:
-    """number: of a method's frame; told: the name of its worst measure in `per_frame`, and how to say it."""
+    """The worst frame of a method. measure: name of the metric in `per_frame`. text: how the caption states it."""
 
     result: MethodResult
     number: int
     measure: str
-    said: str
+    text: str
 
 
 class Warp(Protocol):
-    """Brings a frame to the reference as a method does: with its interpolation, and the camera where it has one."""
+    """Warps a frame to the reference with the interpolation and the camera of a method."""
 
     def __call__(self, method: str, frame: Frame, ref_H_cur: Homography) -> Image: ...
 
 
 def overlay_panels(comparison: Comparison, frames: Iterable[Decoded], warp: Warp, numbers: Numbers,
                    progress: Progress) -> list[Panel]:
-    """For each method two, in their order. frames: those of the comparison, in order; none is held for long."""
+    """Two panels for each method. frames: those of the comparison, in order; none is kept."""
     worst = [one for result in comparison.methods if (one := _worst(result)) is not None]
     made: dict[str, list[Panel]] = {}
     for number, decoded in enumerate(frames):
@@ -51,7 +51,7 @@ def overlay_panels(comparison: Comparison, frames: Iterable[Decoded], warp: Warp
 
 
 def _worst(result: MethodResult) -> _Worst | None:
-    """By the error where the truth is known, else by what the evaluator measured."""
+    """The frame with the largest error if the truth is known, else with the largest displacement."""
     if result.evaluation is None:
         return None
     known = [(one.error_px, one.number) for one in result.aligned if one.error_px is not None]
@@ -71,7 +71,7 @@ def _pair(worst: _Worst, frame: Frame, warp: Warp, numbers: Numbers) -> Iterator
     place = worst_place(evaluation, evaluation.rows[worst.number])
     steady = warp(worst.result.name, frame, H)
     title = f"{worst.result.name}: worst frame ({worst.number})"
-    told = Markup(worst.said).format(numbers("methods", worst.result.name, "per_frame", worst.number, worst.measure))
+    told = Markup(worst.text).format(numbers("methods", worst.result.name, "per_frame", worst.number, worst.measure))
     yield part(Pair(title, reference, _gray(steady, frame, scale), *place), told)
     yield part(Pair(f"{worst.result.name}: the same frame, raw", reference, to_gray(frame, scale), *place))
 

@@ -1,4 +1,4 @@
-"""The report of `stab-ros compare`: table, figures and pictures in one `index.html`."""
+"""The report of `stab-ros compare`: table, figures and images in one `index.html`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def write_comparison(comparison: Comparison, frames: Iterable[Decoded], warp: Wa
                      progress: Progress) -> Path:
     """Writes `index.html` into `folder`, which exists.
 
-    frames: those of the comparison, in order, each read once. warp: as each method's settings have it.
+    frames: those of the comparison, in order; iterated once. warp: warps a frame with the settings of a method.
 
     Raises:
         InputError: the folder cannot be written into.

@@ -1,4 +1,4 @@
-"""Error and displacement of every frame over time, a few methods to a figure, all figures on one scale."""
+"""Error and displacement of every frame over time, a few methods per figure, all on the same scale."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from stab_ros.evaluation.comparison_summary import frames_of
 from stab_ros.evaluation.frame_metrics import FrameMetrics
 from stab_ros.report.panel import Panel, drawn, label, legend, logarithmic, new_axes
 
-_COLORS = ("#1f6fb2", "#e08214", "#3b8a4d", "#8a4d9e", "#b5446e", "#6b6b6b")  # as many lines can be told apart
-_WIDE = 20.0  # ratio of the largest value to the smallest, from which the axis is logarithmic
+_COLORS = ("#1f6fb2", "#e08214", "#3b8a4d", "#8a4d9e", "#b5446e", "#6b6b6b")  # as many lines as are distinguishable
+_WIDE = 20.0  # ratio of largest to smallest value from which the axis is logarithmic
 _LEGEND_IN = 0.2
 _TICK = 0.035  # height of a row of ticks, of the axes
 _LOST = " Ticks at the bottom, in the colour of the method: frames that it has lost."
-_SPARSE = 60  # values up to which each has its mark
+_SPARSE = 60  # largest number of values that are drawn with markers
 Value = Callable[[Passage, FrameMetrics | None], float | None]
 
 
 @dataclass(frozen=True)
 class _Line:
-    """seconds since the first frame. values: px, NaN where there is none. lost: seconds of lost frames."""
+    """A line. seconds: since the first frame. values: px, NaN where unknown. lost: of lost frames, s."""
 
     name: str
     seconds: tuple[float, ...]
@@ -37,7 +37,7 @@ class _Line:
 
 
 def series_panels(comparison: Comparison) -> list[Panel]:
-    """Of all methods that came to their end."""
+    """The panels of all methods that did not fail."""
     kinds: list[tuple[str, str, Value]] = [
         ("Displacement over time", "displacement", _displacement_px)]
     if comparison.has_truth:
@@ -86,7 +86,7 @@ def _panel(title: str, what: str, lines: Sequence[_Line], known: Sequence[float]
 
 
 def _mark_lost(axes: Axes, lines: Sequence[_Line]) -> None:
-    """A row of ticks for each method that has lost frames."""
+    """Draws a row of ticks for each method with lost frames."""
     losers = [(line, color) for line, color in zip(lines, _COLORS, strict=False) if line.lost]
     for row, (line, color) in enumerate(losers):
         axes.plot(line.lost, [0.02 + _TICK * row] * len(line.lost), "|", color=color, markersize=7, markeredgewidth=1.5,
@@ -94,7 +94,7 @@ def _mark_lost(axes: Axes, lines: Sequence[_Line]) -> None:
 
 
 def _scale(axes: Axes, known: Sequence[float]) -> bool:
-    """The same for all methods; whether it is logarithmic."""
+    """Sets the same scale for all methods; returns whether it is logarithmic."""
     above = [value for value in known if value > 0]
     if above and max(above) > _WIDE * min(above):
         logarithmic(axes, "y", 0.7 * min(above), 1.4 * max(above))

@@ -1,4 +1,4 @@
-"""What a method takes beside what it gives: time against accuracy."""
+"""Time of each method against its accuracy."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class _Point:
 
 
 def trade_panel(comparison: Comparison) -> Panel:
-    """A point for each method; to the lower left is better."""
+    """A point for each method; the lower left is better."""
     title, what = "Time and accuracy", "error" if comparison.has_truth else "displacement"
     points = sorted(_points(comparison), key=lambda one: one.px)
     if not points:
@@ -47,7 +47,7 @@ def _points(comparison: Comparison) -> list[_Point]:
 
 
 def _name(axes: Axes, points: Sequence[_Point]) -> None:
-    """Names in a column beside the axes, in the order of the points, so that none hides another."""
+    """Writes the names in a column beside the axes, in the order of the points, so that they do not overlap."""
     heights = _apart([axes.transAxes.inverted().transform(axes.transData.transform((one.seconds, one.px)))[1]
                       for one in points], 0.9 / max(len(points), 15))
     for one, height in zip(points, heights, strict=True):
@@ -58,8 +58,8 @@ def _name(axes: Axes, points: Sequence[_Point]) -> None:
 
 
 def _apart(heights: Sequence[float], gap: float) -> list[float]:
-    """Rising heights within [0, 1], moved as little as keeps them `gap` apart (pool adjacent violators)."""
-    pools: list[tuple[float, int]] = []  # mean and count of neighbours that stand together
+    """Ascending heights in [0, 1], moved as little as possible to be `gap` apart (pool adjacent violators)."""
+    pools: list[tuple[float, int]] = []  # mean and count of pooled neighbours
     for index, height in enumerate(heights):
         mean, count = height - index * gap, 1
         while pools and pools[-1][0] > mean:

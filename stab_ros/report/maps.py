@@ -1,4 +1,4 @@
-"""What lies where in the reference: the residual velocity field, and the verification points."""
+"""Maps on the reference frame: the residual velocity field, and the verification points."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from stab_ros.report.panel import Panel, drawn, gray_of, new_axes, picture_heigh
 
 _VECTOR_COLOR, _REGION_COLOR = "#ffd23f", "#ff3b30"
 _STATIC_COLOR, _MOVING_COLOR = "#35e06b", "#ff3b30"
-_LONGEST = 0.09  # of the picture's width, that the longest of the vectors shall have
+_LONGEST = 0.09  # length of the longest vectors, as a share of the image width
 _KEYS = (1.0, 2.0, 5.0)
-_NAME_SHARE = 0.15  # of the width, that a name may take
+_NAME_SHARE = 0.15  # share of the width that a name may occupy
 
 
 def field_panels(topics: Sequence[TopicEvaluation]) -> list[Panel]:
-    """One for each stream, the raw one first."""
+    """One panel for each stream, the raw one first."""
     return [_field_panel(topic) for topic in topics]
 
 
@@ -46,7 +46,7 @@ def _field_panel(topic: TopicEvaluation) -> Panel:
 
 
 def _draw_vectors(axes: Axes, field: Field, width: int) -> float:
-    """The length of the key, px."""
+    """Draws the vectors; returns the length of the key, px."""
     lengths = np.hypot(*field.shifts_px.T)
     longest = max(float(np.nanpercentile(lengths, 95)), 1e-3)
     per_px = _LONGEST * width / longest
@@ -66,13 +66,13 @@ def _means(field: Field) -> FloatArray:
 
 
 def _round_length(length_px: float) -> float:
-    """A round number near it."""
+    """A round number of at most this length."""
     decade = 10 ** np.floor(np.log10(length_px))
     return float(max(key * decade for key in _KEYS if key * decade <= length_px * 1.001))
 
 
 def point_panels(topics: Sequence[TopicEvaluation]) -> list[Panel]:
-    """Where the verification points are; once where all streams have the same."""
+    """The positions of the verification points: one panel for each distinct set of points."""
     shown = {tuple((point.x_px, point.y_px, static) for point, static in zip(topic.points, topic.static, strict=True)):
              topic for topic in topics}
     return [_point_panel(topic) for topic in shown.values()]
@@ -93,7 +93,7 @@ def _point_panel(topic: TopicEvaluation) -> Panel:
 
 
 def _mark_point(axes: Axes, point: VerificationPoint, static: bool, width: int) -> None:
-    """Its window, and its name on the side where there is room."""
+    """Draws the window of a point, and its name on the side with enough space."""
     side, color = point.calibration.window_px, _STATIC_COLOR if static else _MOVING_COLOR
     left, top = point.x_px - side / 2, point.y_px - side / 2
     axes.add_patch(Rectangle((left, top), side, side, fill=False, edgecolor=color, linewidth=1.4,

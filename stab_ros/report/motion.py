@@ -1,4 +1,4 @@
-"""The residual motion of the whole picture: its path, and how quick it is."""
+"""Residual motion of the whole image: its path and its spectrum."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LEAST_HALF_PX = 0.05
 
 
 def path_panels(topics: Sequence[TopicEvaluation]) -> list[Panel]:
-    """One for each stream: their scales differ a lot."""
+    """One panel for each stream, as their scales differ."""
     return [_path_panel(topic) for topic in topics]
 
 
@@ -43,7 +43,7 @@ def _path_panel(topic: TopicEvaluation) -> Panel:
 
 
 def spectrum_panels(topics: Sequence[TopicEvaluation]) -> list[Panel]:
-    """All streams in one."""
+    """One panel with all streams."""
     title = "Spectrum of the residual motion"
     figure, axes = new_axes(3.7 + 0.2 * len(topics))
     found = False

@@ -1,4 +1,4 @@
-"""Every number in the text of the report is one of the JSON, rounded here, and says which."""
+"""Numbers in the text of a report: each is a number of the JSON, rounded, with a pointer to its place there."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Numbers:
 
 
 def shown(value: Any) -> str:
-    """A number for reading: three decimals, or two digits where that would hide it; a dash where there is none."""
+    """A number as text: three decimals, two significant digits if small, a dash for None."""
     if value is None:
         return NOTHING
     if isinstance(value, bool | str):

@@ -1,4 +1,4 @@
-"""The worst frames over the reference: edges of the reference red, of the frame cyan, and white where both agree."""
+"""The worst frames over the reference: edges of the reference in red, of the frame in cyan, white where they agree."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from stab_ros.report.pictures import ReportImages
 from stab_ros.report.sampling import worst_frames
 
 _CROP_PX = 240
-_SHOWN_PX = 760  # width of the picture in a panel
+_SHOWN_PX = 760  # width of the image in a panel
 _SMOOTH_PX = 1.2
-_EDGE_SHARE = 90.0  # percentile of the gradient that an edge exceeds, and its weak continuation
+_EDGE_SHARE = 90.0  # percentile of the gradient above which a pixel is an edge; Canny's low threshold is _WEAK of it
 _WEAK = 0.4
-_BACKGROUND = 0.3  # how bright the picture is behind its edges
+_BACKGROUND = 0.3  # brightness of the image behind its edges
 _COLORS = "Edges of the reference red, of the frame cyan, white where they agree."
 _TOLD = (("displacement_reference_px", "Displaced by {} px"), ("rmse_reference_px", "RMSE {} px"),
          ("rmsd_reference", "RMSD {} grey levels"))
@@ -32,7 +32,7 @@ _TOLD = (("displacement_reference_px", "Displaced by {} px"), ("rmse_reference_p
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """A frame beside the reference, (h, w) uint8 each. x, y: the middle of the part that is shown, and what it is."""
+    """A frame and the reference, (h, w) uint8 each. x, y: centre of the part that is shown; place: its description."""
 
     title: str
     reference: Gray
@@ -43,7 +43,7 @@ class Pair:
 
     @property
     def box(self) -> tuple[int, int, int]:
-        """Left, top and side of the part, px, inside the picture."""
+        """Left, top and side of the part, px, within the image."""
         height, width = self.reference.shape
         side = min(_CROP_PX, height, width)
         return (min(max(self.x_px - side // 2, 0), width - side), min(max(self.y_px - side // 2, 0), height - side),
@@ -51,7 +51,7 @@ class Pair:
 
 
 def overlay_panels(topics: Sequence[TopicEvaluation], pictures: ReportImages, numbers: Numbers) -> list[Panel]:
-    """For each of the worst frames two: the whole picture, and a part of it pixel by pixel."""
+    """Two panels for each of the worst frames: the whole image, and a part at full resolution."""
     return [panel for topic in topics for panel in _of_topic(topic, pictures, numbers)]
 
 
@@ -69,13 +69,13 @@ def _of_topic(topic: TopicEvaluation, pictures: ReportImages, numbers: Numbers) 
 
 
 def _told(topic: TopicEvaluation, index: int, numbers: Numbers) -> Markup:
-    """What was measured of this frame."""
+    """The metrics of this frame, for its caption."""
     return Markup(", ").join(Markup(text).format(numbers("topics", topic.topic, "per_frame", index, name))
                              for name, text in _TOLD if topic.rows[index][name] is not None)
 
 
 def worst_place(topic: TopicEvaluation, row: FrameMetrics) -> tuple[int, int, str]:
-    """The static point that is displaced most, else the middle of the picture: x and y in px, and what it is."""
+    """The static point with the largest displacement, else the image centre: x and y in px, and a description."""
     displaced = np.where(topic.static, row.points["displacement_reference_px"], np.nan)
     if not np.isfinite(displaced).any():
         return topic.reference.size[0] // 2, topic.reference.size[1] // 2, "The middle of the picture"
@@ -96,7 +96,7 @@ def _whole(pair: Pair, told: Markup) -> Panel:
 
 
 def part(pair: Pair, told: Markup | str = "") -> Panel:
-    """What lies about the place, pixel by pixel, after what is to be told of it."""
+    """The part around the place at full resolution. told: text before the caption."""
     left, top, side = pair.box
     figure, axes = new_axes(picture_height_in(1, 1))
     image = overlaid(pair.reference, pair.current)[top : top + side, left : left + side]
@@ -107,14 +107,14 @@ def part(pair: Pair, told: Markup | str = "") -> Panel:
 
 
 def overlaid(reference: Gray, current: Gray) -> Image:
-    """(h, w, 3) uint8 RGB: the edges of both (h, w) uint8 pictures, over what they look like."""
+    """(h, w, 3) uint8 RGB: the edges of both (h, w) uint8 images, over their darkened mean."""
     background = _BACKGROUND * (reference.astype(np.float32) + current) / 2
     red, cyan = (np.where(edges(gray) > 0, 255.0, background) for gray in (reference, current))
     return np.asarray(np.stack([red, cyan, cyan], axis=2).round(), np.uint8)
 
 
 def edges(gray: Gray) -> Gray:
-    """(h, w) uint8, 255 along the edges: Canny's, with thresholds by the picture's own contrast."""
+    """(h, w) uint8, 255 along the edges: Canny 1986, with thresholds by the contrast of the image."""
     smooth = cv2.GaussianBlur(gray, (0, 0), _SMOOTH_PX)
     dx, dy = cv2.spatialGradient(smooth)
     strong = max(float(np.percentile(np.abs(dx).astype(np.float32) + np.abs(dy), _EDGE_SHARE)), 1.0)

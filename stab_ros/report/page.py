@@ -1,4 +1,4 @@
-"""Puts numbers, figures and pictures together into `index.html`."""
+"""The report of `stab-ros evaluate`: numbers, figures and images in one `index.html`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from stab_ros.report.verdict import brightest_frame, compared, extreme_frame
 
 
 def write_report(evaluation: Evaluation, streams: Streams, folder: Path, progress: Progress) -> Path:
-    """Writes `index.html` into `folder`, which exists; takes the images it shows from `streams`.
+    """Writes `index.html` into `folder`, which exists. streams: the frames of every evaluated stream.
 
     Raises:
         InputError: the folder cannot be written into.
@@ -60,5 +60,5 @@ def _sections(evaluation: Evaluation, pictures: ReportImages, numbers: Numbers) 
 
 
 def _meanings() -> dict[str, str]:
-    """What every setting means, by its name."""
+    """The description of every setting, by its name."""
     return {name: limits.doc for name, _, limits in settings_of(EvaluatorConfig)}

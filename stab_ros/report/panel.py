@@ -1,4 +1,4 @@
-"""A figure of the report: a picture with caption, units and a text for those who cannot see it."""
+"""A figure of the report: an image with caption and alternative text."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from stab_ros.core.gray import depth_scale, to_gray
 from stab_ros.core.types import Frame, Gray, Image
 
-WIDTH_IN, _DPI = 5.2, 150  # so that letters of 11 points are legible on a phone
+WIDTH_IN, _DPI = 5.2, 150  # 11 pt text stays legible on a phone
 REFERENCE_COLOR, PREVIOUS_COLOR, LOST_COLOR = "#1f5f99", "#e08214", "#c0392b"
 _STREAM_COLORS = ("#b2601a", "#1f6fb2", "#3b8a4d", "#8a4d9e")  # raw first, as in the tables
 _FONT_PT = 11
 _JPEG_QUALITY = 75
 _FEW_DECADES = 2.0
-_LONGEST_NAME = 44  # letters of a legend that fit beside its line
+_LONGEST_NAME = 44  # characters that fit beside a line of a legend
 
 
 @dataclass(frozen=True)
 class Panel:
-    """uri: the picture as a data URI; None: there is nothing to draw, and the caption (text or Markup) says why."""
+    """A figure. uri: the image as a data URI; None if there is nothing to draw, and the caption gives the reason."""
 
     title: str
     caption: str
@@ -45,7 +45,7 @@ class Section:
 
 
 def new_axes(height_in: float = 3.8) -> tuple[Figure, Axes]:
-    """One pair of axes on a figure of the usual width; without any global state."""
+    """Axes on a new figure of the standard width, without global state."""
     figure = Figure(figsize=(WIDTH_IN, height_in), dpi=_DPI, layout="constrained")
     axes = figure.add_subplot()
     axes.tick_params(labelsize=_FONT_PT - 1)
@@ -55,13 +55,13 @@ def new_axes(height_in: float = 3.8) -> tuple[Figure, Axes]:
 
 
 def label(axes: Axes, x: str, y: str) -> None:
-    """What the axes show, with units."""
+    """Labels the axes; the texts include units."""
     axes.set_xlabel(x, fontsize=_FONT_PT)
     axes.set_ylabel(y, fontsize=_FONT_PT)
 
 
 def logarithmic(axes: Axes, which: Literal["x", "y"], low: float, high: float) -> None:
-    """A logarithmic scale from `low` to `high`, with numbers as one writes them, several also within a decade."""
+    """Sets a logarithmic scale from `low` to `high`, with plain numbers, several within a decade."""
     axes.set(**{f"{which}scale": "log", f"{which}lim": (low, high)})
     axis = axes.xaxis if which == "x" else axes.yaxis
     decades = math.log10(high / low)
@@ -71,7 +71,7 @@ def logarithmic(axes: Axes, which: Literal["x", "y"], low: float, high: float) -
 
 
 def legend(axes: Axes, columns: int = 1) -> None:
-    """Below the axes, where it hides nothing."""
+    """Draws the legend below the axes."""
     handles, names = axes.get_legend_handles_labels()
     if not handles:
         return
@@ -80,12 +80,12 @@ def legend(axes: Axes, columns: int = 1) -> None:
 
 
 def shortened(name: str) -> str:
-    """The end of a long topic's name, which tells it from others."""
+    """The end of a long topic name, the part that differs from others."""
     return name if len(name) <= _LONGEST_NAME else "…" + name[1 - _LONGEST_NAME:]
 
 
 def show_picture(axes: Axes, image: Image, extent_px: tuple[float, float, float, float] | None = None) -> None:
-    """A picture with its pixels as axes. extent_px: left, right, bottom and top, where it is a part of a larger one."""
+    """Shows an image with pixels as axes. extent_px: left, right, bottom and top, if it is a part of a larger one."""
     height, width = image.shape[:2]
     extent = extent_px or (-0.5, width - 0.5, height - 0.5, -0.5)
     axes.imshow(image, cmap="gray", vmin=0, vmax=255, extent=extent, interpolation="antialiased")
@@ -94,22 +94,22 @@ def show_picture(axes: Axes, image: Image, extent_px: tuple[float, float, float,
 
 
 def picture_height_in(width: float, height: float) -> float:
-    """Of a panel that shows a picture of this size, with its labels."""
+    """Height of a panel with an image of this size and its labels."""
     return min(8.0, (WIDTH_IN - 0.8) * height / width + 0.7)
 
 
 def gray_of(frame: Frame) -> Gray:
-    """(h, w) uint8."""
+    """The frame in gray, (h, w) uint8."""
     return to_gray(frame, depth_scale(frame))
 
 
 def stream_color(index: int, count: int) -> str:
-    """The stabilised stream is always of one colour, whether the raw one is there or not."""
+    """The colour of a stream; that of the stabilised one is the same with and without the raw one."""
     return _STREAM_COLORS[(index + 1 if count == 1 else index) % len(_STREAM_COLORS)]
 
 
 def drawn(figure: Figure, title: str, caption: str, alt: str, photo: bool = False) -> Panel:
-    """The panel of a finished figure; a `photo` is stored as JPEG, which is a tenth of the size."""
+    """The panel of a finished figure; a `photo` is stored as JPEG, at a tenth of the size of PNG."""
     kind, options = ("jpeg", {"quality": _JPEG_QUALITY}) if photo else ("png", {})
     with io.BytesIO() as file:
         figure.savefig(file, format=kind, pil_kwargs=options)
@@ -117,5 +117,5 @@ def drawn(figure: Figure, title: str, caption: str, alt: str, photo: bool = Fals
 
 
 def data_uri(mime: str, content: bytes) -> str:
-    """Content that is part of the page."""
+    """Content embedded in the page, as a data URI."""
     return f"data:{mime};base64,{base64.b64encode(content).decode('ascii')}"

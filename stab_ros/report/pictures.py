@@ -1,4 +1,4 @@
-"""The few pictures that the report shows, read from the source once more."""
+"""The few images that a report shows, selected from all frames."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from stab_ros.report.sampling import leaves, partners, worst_frames
 _SCRUB_PX = 720
 _JPEG_QUALITY = 50
 Key: TypeAlias = tuple[str, int]  # topic and stamp, ns
-# of every evaluated stream, in order: its frames, or why one cannot be decoded; each is read once, one after the other
+# of every evaluated stream, in order: its frames, or why one cannot be decoded; each is iterated once, in turn
 Streams: TypeAlias = Iterable[Iterable[Decoded]]
 
 
 @dataclass(frozen=True, eq=False)
 class ReportImages:
-    """By topic and stamp. whole: (h, w) uint8 of the worst frames. small: JPEGs of the scrub, as data URIs."""
+    """By topic and stamp. whole: (h, w) uint8 of the worst frames. small: JPEGs of the scrubber, as data URIs."""
 
     whole: dict[Key, Gray] = field(default_factory=dict)
     small: dict[Key, str] = field(default_factory=dict)
 
 
 def read_pictures(evaluation: Evaluation, streams: Streams, progress: Progress) -> ReportImages:
-    """Of every stream the worst frames, and of the last one those of the scrub, with the same of the others."""
+    """Selects the worst frames of every stream, and those of the scrubber: of the last stream, and their partners."""
     pictures, leafed = ReportImages(), leaves(evaluation.topics[-1])
     total, done = sum(len(topic.rows) for topic in evaluation.topics), 0
     for stream, topic in zip(streams, evaluation.topics, strict=True):
@@ -58,7 +58,7 @@ def _keep(pictures: ReportImages, topic: TopicEvaluation, frame: Frame, worst: s
 
 
 def jpeg_uri(image: Image) -> str:
-    """The picture, at most 720 px wide."""
+    """The image as a JPEG data URI, at most 720 px wide."""
     height, width = image.shape[:2]
     if width > _SCRUB_PX:
         image = cv2.resize(image, (_SCRUB_PX, round(height * _SCRUB_PX / width)), interpolation=cv2.INTER_AREA)

@@ -1,4 +1,4 @@
-"""From a template to `index.html`, for both kinds of report."""
+"""Renders a template to `index.html`, for both kinds of report."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _NAME = "index.html"
 
 
 def rendered(template: str, **values: Any) -> str:
-    """The page; a name that the template uses and nobody gives is an error."""
+    """The page; a template variable without a value is an error."""
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
                                      lstrip_blocks=True, loader=jinja2.FunctionLoader(own_file))
     return environment.get_template(template).render(version=__version__, style=Markup(own_file("style.css")), **values)
@@ -37,11 +37,11 @@ def write_page(text: str, folder: Path) -> Path:
 
 
 def embedded(tree: Json) -> Markup:
-    """As the content of a script element, which must not hold its own end."""
+    """JSON as the content of a script element, escaped so that it cannot end the element."""
     text: Any = json.dumps(tree, allow_nan=False)
     return Markup(text.replace("<", "\\u003c").replace("&", "\\u0026"))
 
 
 def own_file(name: str) -> str:
-    """The text of a file beside this one."""
+    """The text of a file of this package."""
     return files(__package__).joinpath(name).read_text(encoding="utf-8")

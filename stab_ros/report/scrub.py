@@ -1,4 +1,4 @@
-"""The pictures to leaf through, before and after."""
+"""The scrubber: images before and after stabilisation, frame by frame."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from stab_ros.report.sampling import leaves, partners
 
 @dataclass(frozen=True)
 class Scrub:
-    """labels: (F,) names of the frames. streams: topic and (F,) data URIs, empty where it has no such picture."""
+    """Images of F frames. labels: (F,) their names. streams: topic and (F,) data URIs, empty where it has no image."""
 
     labels: Sequence[str]
     streams: Sequence[tuple[str, Sequence[str]]]
 
 
 def scrub_of(evaluation: Evaluation, pictures: ReportImages) -> Scrub:
-    """The frames of the last stream that could be read, beside those of the others."""
+    """The selected frames of the last stream, beside those of the others."""
     last = evaluation.topics[-1]
     frames = [row for row in leaves(last) if (last.topic, row.stamp_ns) in pictures.small]
     streams = [(topic.topic, [pictures.small.get((topic.topic, row.stamp_ns), "") if row else ""

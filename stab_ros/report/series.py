@@ -16,13 +16,13 @@ _MEASURES = (
     ("RMSE", "RMSE of homologous points", "px", "rmse_reference_px", "rmse_previous_px"),
     ("RMSD", "RMSD", "grey levels", "rmsd_reference", "rmsd_previous"),
 )
-_WIDE = 20.0  # ratio of the largest value to the median of another stream, from which the axis is logarithmic
-_SPARSE = 60  # values up to which each has its mark
+_WIDE = 20.0  # ratio of the largest value to the smallest median from which the axis is logarithmic
+_SPARSE = 60  # largest number of values that are drawn with markers
 _LEGEND_IN = 0.42  # height of the two lines of a stream
 
 
 def series_panels(topics: Sequence[TopicEvaluation]) -> list[Panel]:
-    """One for each measure, all streams in it."""
+    """One panel for each metric, with all streams."""
     return [_panel(topics, *measure) for measure in _MEASURES]
 
 
@@ -53,7 +53,7 @@ def _article(word: str) -> str:
 
 
 def _line(axes: Axes, topic: TopicEvaluation, name: str, meaning: str, color: str, style: str) -> bool:
-    """Whether there was anything to draw."""
+    """Draws one line; returns whether it has values."""
     rows = [(row.stamp_ns, value) for row in topic.measured if (value := row[name]) is not None]
     if not rows:
         return False
