@@ -35,10 +35,10 @@ _LIVE = {"demo", "examples", "faults"}  # folders of tests that start nodes
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Marks what starts nodes, and what needs real videos, by fixture and folder."""
+    """Marks what joins a ROS graph, and what needs real videos, by fixture and folder."""
     for item in items:
         fixtures = getattr(item, "fixturenames", ())
-        if "graph" in fixtures or item.path.parent.name in _LIVE:
+        if {"graph", "make_node"} & {*fixtures} or item.path.parent.name in _LIVE:
             item.add_marker(pytest.mark.dds)
         if "shared_data" in fixtures:
             item.add_marker(pytest.mark.big)

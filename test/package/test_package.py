@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
@@ -20,10 +21,10 @@ def test_version_is_the_same_everywhere() -> None:
     assert {described, version("stab_ros")} == {stab_ros.__version__}
 
 
-@pytest.mark.parametrize("name", ["stab-ros", "tracker_node", "bag_player_node", "bag_recorder_node"])
+@pytest.mark.parametrize("name", ["stab-ros", "tracker_node", "evaluator_node", "bag_player_node", "bag_recorder_node"])
 def test_executable_has_something_to_run(name: str) -> None:
     (script,) = entry_points(group="console_scripts", name=name)
-    assert callable(script.load())
+    assert inspect.signature(script.load()).return_annotation == "int"  # its exit code
 
 
 def test_parameters_are_documented_as_they_are() -> None:
