@@ -17,7 +17,7 @@ import numpy as np
 from stab_ros.core.errors import InputError, WorkError
 from stab_ros.core.text import number, one_line
 from stab_ros.core.types import Homography, State, Track
-from stab_ros.io.points import table_rows
+from stab_ros.io.csv_rows import csv_rows
 
 ELEMENTS = tuple(f"h{row}{column}" for row in range(3) for column in range(3))
 COLUMNS = ("frame", "stamp_ns", "status", *ELEMENTS)
@@ -94,7 +94,7 @@ def read_homographies(path: Path) -> list[HomographyRow]:
     """
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            rows = table_rows(file, COLUMNS)
+            rows = csv_rows(file, COLUMNS)
             missing = next(rows)[1]
             if missing:
                 raise InputError(f"{path}: no column {missing[0]}; the header must begin with {','.join(COLUMNS)}")

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from stab_ros.core.errors import InputError, WorkError
-from stab_ros.io.source import Kind, kind_of
+from stab_ros.io.input_kind import Kind, kind_of
 
 
 def check_output(path: Path, suffix: str, source: Path, force: bool) -> None:

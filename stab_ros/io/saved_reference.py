@@ -19,10 +19,13 @@ from stab_ros.io.messages import (
     static_map_cdr,
     track_cdr,
 )
+from stab_ros.io.topics import CAMERA_INFO_TOPIC, REFERENCE_IMAGE_TOPIC, STATIC_MAP_TOPIC, TRACK_TOPIC, topic_in
 from stab_ros.tracking.static_map import StaticMap
 
-_TYPES = {"/reference_image": IMAGE, "/static_map": IMAGE, "/track": DIAGNOSTIC_ARRAY, "/camera_info": CAMERA_INFO}
-_NEEDED = frozenset(_TYPES) - {"/camera_info"}
+_REFERENCE_IMAGE, _STATIC_MAP, _TRACK, _CAMERA_INFO = (
+    topic_in("", topic) for topic in (REFERENCE_IMAGE_TOPIC, STATIC_MAP_TOPIC, TRACK_TOPIC, CAMERA_INFO_TOPIC))
+_TYPES = {_REFERENCE_IMAGE: IMAGE, _STATIC_MAP: IMAGE, _TRACK: DIAGNOSTIC_ARRAY, _CAMERA_INFO: CAMERA_INFO}
+_NEEDED = frozenset(_TYPES) - {_CAMERA_INFO}
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,12 +50,12 @@ def save_reference(path: Path, saved: SavedReference) -> None:
     header, stamp_ns = header_of(saved.frame), saved.frame.stamp_ns
     place = Track(State.TRACKED, 0, stamp_ns, stamp_ns, saved.reset_counter)
     messages = {
-        "/reference_image": image_cdr(saved.frame.image, saved.frame.encoding, header),
-        "/static_map": static_map_cdr(saved.static_map, header),
-        "/track": track_cdr(place, header),
+        _REFERENCE_IMAGE: image_cdr(saved.frame.image, saved.frame.encoding, header),
+        _STATIC_MAP: static_map_cdr(saved.static_map, header),
+        _TRACK: track_cdr(place, header),
     }
     if saved.camera_info is not None:
-        messages["/camera_info"] = saved.camera_info
+        messages[_CAMERA_INFO] = saved.camera_info
     with BagWriter(path, overwrite=True) as writer:
         for name, data in messages.items():
             writer.add_topic(topic_of(name, _TYPES[name]))
@@ -74,9 +77,9 @@ def load_reference(path: Path) -> SavedReference | None:
     if damage or not found.keys() >= _NEEDED or any(types[name] != _TYPES[name] for name in found):
         raise _unusable(path, damage or "it lacks a topic")
     try:
-        return SavedReference(read_image(found["/reference_image"], IMAGE),
-                              StaticMap.of_picture(read_image(found["/static_map"], IMAGE).image),
-                              int(read_values(found["/track"])["reset_counter"]), found.get("/camera_info"))
+        return SavedReference(read_image(found[_REFERENCE_IMAGE], IMAGE),
+                              StaticMap.of_picture(read_image(found[_STATIC_MAP], IMAGE).image),
+                              int(read_values(found[_TRACK])["reset_counter"]), found.get(_CAMERA_INFO))
     except (MessageError, LookupError, ValueError) as error:
         raise _unusable(path, str(error)) from error
 

@@ -12,9 +12,9 @@ from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.settings import Value
 from stab_ros.core.types import Gray
 from stab_ros.io.bag import open_bag
+from stab_ros.io.bag_source import STATIC_MAP
+from stab_ros.io.compressed_image import MAX_DECODED, decode_compressed
 from stab_ros.io.messages import IMAGE, read_image
-from stab_ros.io.pixels import MAX_DECODED, decode_compressed
-from stab_ros.io.source import STATIC_MAP
 from stab_ros.tracking.static_map import StaticMap
 
 

@@ -18,6 +18,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.settings import Checked, setting
 from stab_ros.io.bag import BagReader, Message, open_bag
 from stab_ros.io.messages import COMPRESSED_IMAGE, IMAGE, OK, SECOND_NS
+from stab_ros.io.topics import CLOCK_TOPIC
 from stab_ros.nodes import params
 from stab_ros.nodes.outlet import Outlet
 from stab_ros.nodes.qos import replay_qos
@@ -25,7 +26,6 @@ from stab_ros.nodes.runtime import StabNode, message_class
 from stab_ros.nodes.schedule import Schedule
 from stab_ros.nodes.spinner import Spinner
 
-_CLOCK = "/clock"
 _TICK_NS = 20_000_000  # of /clock
 _STALL_NS = 200_000_000  # what is later was held up, by a slow subscriber or because the process was stopped
 
@@ -55,7 +55,7 @@ class BagPlayerNode(StabNode):
         if not self.settings.bag:
             raise InputError("bag: no recording is named, it must be the path of one, as in -p bag:=flight.mcap")
         self._outlets: dict[str, Outlet] = {}
-        self._clock_outlet = Outlet(self, Clock, _CLOCK, QoSProfile(depth=1)) if self.settings.clock else None
+        self._clock_outlet = Outlet(self, Clock, CLOCK_TOPIC, QoSProfile(depth=1)) if self.settings.clock else None
         self._schedule = Schedule(0, 0, self.settings.rate)
         self._told_ns = 0
         self._messages = self._rounds = 0
@@ -83,7 +83,7 @@ class BagPlayerNode(StabNode):
     def _advertise(self, bag: BagReader) -> None:
         """A publisher for every topic whose type is installed."""
         for topic in bag.topics.values():
-            if topic.name == _CLOCK and self.settings.clock:
+            if topic.name == CLOCK_TOPIC and self.settings.clock:
                 continue
             try:
                 msg_class = message_class(topic.msgtype)

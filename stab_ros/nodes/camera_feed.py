@@ -11,6 +11,7 @@ from sensor_msgs.msg import CameraInfo
 from stab_ros.core.errors import InputError
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.messages import read_camera
+from stab_ros.io.topics import CAMERA_INFO_TOPIC
 from stab_ros.nodes.qos import AdaptiveSubscription, keep_all_offered
 
 _WARN_EVERY_S = 5.0
@@ -28,7 +29,7 @@ class CameraFeed:
         self.settled = False
         self._logger = node.get_logger()
         self._changed = changed
-        self._input = AdaptiveSubscription(node, CameraInfo, "camera_info", self._on_camera, keep_all_offered,
+        self._input = AdaptiveSubscription(node, CameraInfo, CAMERA_INFO_TOPIC, self._on_camera, keep_all_offered,
                                            "let it publish VOLATILE or TRANSIENT_LOCAL, RELIABLE or BEST_EFFORT")
         self.topic = self._input.topic
 

@@ -28,6 +28,7 @@ from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.kernels import Compilation
 from stab_ros.core.memory import keep_freed_memory
 from stab_ros.io.messages import WARN, diagnostics_cdr
+from stab_ros.io.topics import DIAGNOSTICS_TOPIC
 from stab_ros.jobs.compiling import not_kept
 from stab_ros.nodes import log_folder
 from stab_ros.nodes.compiling import Compiling
@@ -56,7 +57,7 @@ class StabNode(Node):
         except RuntimeError as error:  # rclpy's RCLError, as where security is asked for and cannot be had
             raise InputError(f"the node cannot be made: {str(error).split(', at ')[0]}") from error
         self.stop, self.free = StopRequest(), FreeTime()
-        self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, DIAGNOSTICS_TOPIC, 10)
 
     def on_compiling(self, so_far: Compilation) -> None:
         """Told again and again while kernels are compiled."""

@@ -18,8 +18,8 @@ import numpy as np
 
 from stab_ros.core.errors import InputError
 from stab_ros.io.bag import Message, open_bag
+from stab_ros.io.compressed_image import decode_compressed
 from stab_ros.io.mcap_records import MAGIC, RECORD_HEAD
-from stab_ros.io.pixels import decode_compressed
 
 HUGE = (2**31, 2**32 - 1, 2**40, 2**62, 2**63, 2**64 - 1)
 _BLOCK = 4096  # bytes, of a disk

@@ -24,7 +24,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import Writer as Writer2
 
 from stab_ros.io import messages as m
-from stab_ros.io.pixels import DECODED
+from stab_ros.io.encodings import DECODED
 
 _TIME = JAZZY.types["builtin_interfaces/msg/Time"](sec=1_700_000_000, nanosec=123)
 _HEADER = JAZZY.types["std_msgs/msg/Header"](stamp=_TIME, frame_id="cam")

@@ -18,7 +18,7 @@ from sensor_msgs.msg import CompressedImage, Image
 
 from stab_ros.core.errors import MessageError
 from stab_ros.io import messages as m
-from stab_ros.io.pixels import DECODED
+from stab_ros.io.encodings import DECODED
 
 
 # images in ------------------------------------------------------------------------------------------------------------
