@@ -1,4 +1,4 @@
-"""Records of an MCAP file, read defensively: no size is believed before it is checked (https://mcap.dev/spec)."""
+"""Records of an MCAP file, read defensively: no size is trusted before it is checked (https://mcap.dev/spec)."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def split(data: memoryview) -> Iterator[tuple[int, int, int]]:
         at += length
 
 
-class Places:
+class MessageOffsets:
     """Where messages lie in a block, a dozen bytes for each: a chunk may hold a million of them."""
 
     def __init__(self) -> None:
@@ -134,7 +134,7 @@ class Places:
 
 
 def message_at(data: memoryview, start: int) -> RecordedMessage:
-    """The message record whose body begins there, as `Places` has it."""
+    """The message record whose body begins there, as `MessageOffsets` has it."""
     _, length = RECORD_HEAD.unpack_from(data, start - RECORD_HEAD.size)
     channel_id, _, log_time, publish_time = _MESSAGE_HEAD.unpack_from(data, start)
     end = start + length
