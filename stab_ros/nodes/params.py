@@ -97,7 +97,7 @@ def warn_of_unknown(node: Node, known: Collection[str]) -> None:
         node.get_logger().warning(f"parameter {name} is unknown and has no effect{meant}")
 
 
-class LiveChanges:
+class ParameterUpdates:
     """Changes of parameters at run time: `take` puts all into force, or raises InputError and changes nothing."""
 
     def __init__(self, node: Node, table: Mapping[str, Parameter], take: Callable[[dict[str, Value]], None]) -> None:

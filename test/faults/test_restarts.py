@@ -78,7 +78,7 @@ def test_a_killed_tracker_goes_on_against_the_same_reference(
     assert stream.tracker.stop(signal.SIGKILL) == -signal.SIGKILL
     before = len(stream.answers)
     stream.restart()
-    assert "going on against the reference of stamp 1000 ns" in stream.tracker.log
+    assert "resuming from the reference of stamp 1000 ns" in stream.tracker.log
     tracks = graph.listen(DiagnosticArray, "/tracker_node/track")
     graph.until(lambda: graph.node.count_publishers("/tracker_node/track"), "discovery")
     references = graph.listen(Image, "/tracker_node/reference_image", LATCHED)
@@ -141,7 +141,7 @@ def test_a_saved_reference_waits_for_the_compiler_and_may_be_given_up(
     assert graph.call(Trigger, "/tracker_node/reset_reference", Trigger.Request()).success
     assert graph.set_parameter("/tracker_node", "threshold", 1.0) == (True, "")
     graph.until(lambda: "ready" in tracker.log, "the tracker ready")
-    assert "going on against" not in tracker.log
+    assert "resuming from" not in tracker.log
 
 
 def words(path: Path, _flight: list[Shot]) -> None:

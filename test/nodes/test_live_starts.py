@@ -57,7 +57,7 @@ def by_the_engine() -> list[FloatArray]:
     return [track.ref_H_cur for track in tracks if track.ref_H_cur is not None]
 
 
-class Camera:
+class ImagePublisher:
     """Publishes the flight to a tracker that keeps every frame, and hears its answers."""
 
     def __init__(self, graph: Graph, **parameters: Any) -> None:
@@ -90,7 +90,7 @@ class Camera:
 
 
 def test_a_pause_after_the_first_frame(graph: Graph) -> None:
-    camera = Camera(graph, stale_s=0.1)
+    camera = ImagePublisher(graph, stale_s=0.1)
     camera.show(1)
     camera.until_answered(1)
     camera.until_said("no image for")
@@ -100,14 +100,14 @@ def test_a_pause_after_the_first_frame(graph: Graph) -> None:
 
 
 def test_a_stream_that_is_slower_than_its_silence(graph: Graph) -> None:
-    camera = Camera(graph, stale_s=0.1)
+    camera = ImagePublisher(graph, stale_s=0.1)
     camera.show(8, every_s=0.4)
     camera.show(FRAMES - 8)
     camera.check_engine()
 
 
 def test_a_tracker_that_is_stopped_in_its_start(graph: Graph) -> None:
-    camera = Camera(graph, stale_s=0.2)
+    camera = ImagePublisher(graph, stale_s=0.2)
     camera.show(6)
     camera.until_answered(1)
     camera.tracker.process.send_signal(signal.SIGSTOP)
@@ -136,19 +136,19 @@ def test_a_tracker_without_a_home(graph: Graph) -> None:
     graph.environment["HOME"] = "/proc/1/nowhere"
     tracker = graph.start("tracker_node")
     graph.until(lambda: "ready" in tracker.log, "the tracker ready")
-    assert "no log file: /proc/1/nowhere/.ros/log cannot be made; name a folder in ROS_LOG_DIR" in tracker.log
+    assert "no log file: /proc/1/nowhere/.ros/log cannot be created; name a folder in ROS_LOG_DIR" in tracker.log
     assert tracker.stop() == 0
 
 
 def test_a_silence_that_lasts_is_answered_with_a_doubt_and_the_start_goes_on(graph: Graph) -> None:
-    camera = Camera(graph, stale_s=0.1)
+    camera = ImagePublisher(graph, stale_s=0.1)
     camera.show(6)
     camera.until_answered(6)
     camera.until_said("before enough was seen to tell what is ground")
     graph.until(lambda: values_of(camera.reports[-1])["ground"] == "provisional", "the ground being provisional")
     camera.show(FRAMES - 6)
     camera.until_answered(FRAMES)
-    camera.until_said("what is ground was decided anew")
+    camera.until_said("the ground was chosen anew")
     graph.until(lambda: values_of(camera.reports[-1])["ground"] == "decided", "the ground being decided")
     assert [stamp_ns(one) for one in camera.answers] == [shot.stamp_ns for shot in shots()]
     for number, (answer, track) in enumerate(zip(camera.answers, camera.tracks, strict=True)):
