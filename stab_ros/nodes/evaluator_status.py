@@ -16,7 +16,7 @@ from stab_ros.nodes.diagnostic_status import DiagnosticStatus
 from stab_ros.nodes.stream_timeout import StreamTimeout
 
 _SHOWN = 3  # problems in one message
-_BEHIND_NS = 1_000_000_000  # from here on the delay is a problem of its own
+_BEHIND_NS = 1_000_000_000  # a longer delay is a problem
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from live_graph import Graph
-from test_live_starts import FRAMES
+from test_live_starts import FRAMES, ImagePublisher
 
 
 def test_a_first_flight_after_an_installation(graph: Graph, tmp_path: Path) -> None:
