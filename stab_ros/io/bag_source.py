@@ -66,7 +66,7 @@ class BagSource:
         raise InputError(f"{self.name}: use_camera_info needs a message on {name}, there is none")
 
     def _fitting(self, name: str, message: Message) -> Camera:
-        """The camera in a message of topic `name`, which must have the size of the first readable picture."""
+        """The camera in a message of topic `name`, which must have the size of the first readable image."""
         try:
             camera = read_camera(message.data)
         except InputError as error:

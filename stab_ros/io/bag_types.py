@@ -1,4 +1,4 @@
-"""What a recording holds, whatever its format."""
+"""The content of a recording, independent of its format."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ _PNG, _JPEG, _SCAN, _END = b"\x89PNG\r\n\x1a\n", b"\xff\xd8", 0xDA, b"\xff\xd9"
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # by colour type
 _JPEG_FRAMES = (0xC0, 0xC1, 0xC2)  # baseline, extended, progressive: Huffman coded
 _BARE_MARKERS = (0x00, 0x01, *range(0xD0, 0xDA))  # without a length, none of which may come before the first scan
-_MAX_SCANS = 100  # of a progressive JPEG, each of which goes over the whole picture; 10 are usual
+_MAX_SCANS = 100  # of a progressive JPEG, each of which covers the whole image; 10 are usual
 
 
 def decode_compressed(data: NDArray[np.uint8]) -> Image:
@@ -50,7 +50,7 @@ def decode_file(data: NDArray[np.uint8]) -> Image:
 
 
 def _check_file(data: bytes) -> None:
-    """What the file's own headers promise, before the decoder allocates anything."""
+    """Checks the headers of the file, before the decoder allocates anything."""
     if data.startswith(_PNG) and data[12:16] == b"IHDR" and len(data) >= 26:
         _check_png(data)
     elif data.startswith(_JPEG):
@@ -76,7 +76,7 @@ def _check_png(data: bytes) -> None:
         if end > len(data):  # OpenCV would allocate whatever length a chunk claims
             raise MessageError(f"compressed image data is cut short, the PNG chunk at byte {at} ends at byte {end}")
         if kind == b"acTL":
-            raise MessageError("compressed image data is an animated PNG, it must be a single picture")
+            raise MessageError("compressed image data is an animated PNG, it must be a single image")
         at = end
 
 

@@ -44,7 +44,7 @@ class ImageMessage(Protocol):
 
 
 def decode_image(message: ImageMessage) -> tuple[Image, str]:
-    """The picture, C-contiguous in native byte order, and its encoding; a view of the message's bytes where it can be.
+    """The image, C-contiguous in native byte order, and its encoding; a view of the message's bytes if possible.
 
     Raises:
         MessageError: unknown encoding, or sizes that contradict each other.

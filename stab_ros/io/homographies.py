@@ -34,7 +34,7 @@ class HomographyRow:
 
 
 class HomographyWriter:
-    """Writes H.csv row by row; every row is on its way to the disk before the next frame is worked on.
+    """Writes H.csv row by row; every row is flushed before the next frame is processed.
 
     Raises:
         WorkError: the file cannot be written (any method).
@@ -49,7 +49,7 @@ class HomographyWriter:
         self._write((*COLUMNS, *TRACK_COLUMNS))
 
     def write(self, frame: int, track: Track) -> None:
-        """`frame`: its number in the input, from 0, pictures that cannot be decoded included."""
+        """`frame`: its number in the input, from 0, images that cannot be decoded included."""
         self._write(_cells(frame, track))
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Points that the user names, in reference pixels: a CSV `name,x,y`, or JSON [[x, y], ...]."""
+"""Points from the user, in reference pixels: a CSV `name,x,y`, or JSON [[x, y], ...]."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The reference of a live stream, kept in a bag so that a restarted tracker goes on against the same one."""
+"""The reference of a live stream, saved in a bag so that a restarted tracker resumes from it."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ _NEEDED = frozenset(_TYPES) - {_CAMERA_INFO}
 
 @dataclass(frozen=True, eq=False)
 class SavedReference:
-    """frame: as it came, with its lens distortion. camera_info: CDR of the message that tells of that, if it is used.
+    """frame: as received, with lens distortion. camera_info: the CameraInfo (CDR) of that, if the tracker uses it.
 
-    reset_counter: how many references there had been before.
+    reset_counter: the number of references before it.
     """
 
     frame: Frame
@@ -42,7 +42,7 @@ class SavedReference:
 
 
 def save_reference(path: Path, saved: SavedReference) -> None:
-    """Replaces what `path` held, in one step: a crash leaves the old file or the new one.
+    """Replaces `path` in one step: a crash leaves the old file or the new one.
 
     Raises:
         InputError: it cannot be written there. WorkError: the disk is full.
@@ -63,7 +63,7 @@ def save_reference(path: Path, saved: SavedReference) -> None:
 
 
 def load_reference(path: Path) -> SavedReference | None:
-    """What `save_reference` has written; None: there is no such file yet.
+    """The reference that `save_reference` wrote; None: there is no such file yet.
 
     Raises:
         InputError: the file holds something else, or is damaged.

@@ -26,9 +26,9 @@ __all__ = [
 
 
 class Source(Protocol):
-    """A stream to stabilise: the pictures of `image_topic` among all other messages, in the order they were logged.
+    """A stream to stabilise: the images of `image_topic` among all other messages, in the order they were logged.
 
-    count: number of pictures, None where the input does not say. topics: all topics, `image_topic` among them.
+    count: number of images, None if the input does not announce it. topics: all topics, `image_topic` among them.
     warnings: what could not be read, complete once `items` has come to its end.
     """
 
@@ -43,25 +43,29 @@ class Source(Protocol):
     def warnings(self) -> list[str]: ...
 
     def items(self, limit: int | None = None, others: Collection[str] | None = None) -> Iterator[Picture | Message]:
-        """Everything, up to `limit` pictures; of the other topics only `others`, if given.
+        """Everything, up to `limit` images; of the other topics only `others`, if given.
 
         Raises:
-            InputError: at the end, if not one picture could be decoded.
+            InputError: at the end, if not one image could be decoded.
         """
 
     def frames(self, limit: int | None = None) -> Iterator[Picture]:
-        """The pictures alone, as `items`."""
+        """The images alone, as `items`."""
 
     def rate_hz(self) -> float:
         """Frames per second, from the stamps."""
 
     def camera(self) -> Camera:
-        """The camera that took the pictures. Raises InputError where the input does not say, or says another size."""
+        """The camera that took the images.
+
+        Raises:
+            InputError: the input holds no camera_info, or one of another image size.
+        """
 
 
 @contextmanager
 def open_source(path: Path, image_topic: str | None = None, fps: float | None = None) -> Iterator[Source]:
-    """Opens any input. `fps` counts for videos and folders; `image_topic` may be left out where there is only one.
+    """Opens any input. `fps` applies to videos and folders; `image_topic` may be omitted if there is only one.
 
     Raises:
         InputError: the input is missing, is none of the kinds we read, or has no such image topic.
@@ -79,6 +83,6 @@ def open_source(path: Path, image_topic: str | None = None, fps: float | None = 
 
 def read_again(path: Path, image_topic: str | None, fps: float | None, limit: int | None,
                number: int) -> Generator[Picture, None, None]:
-    """The pictures of an input that is open already once more, of the first `limit` those from `number` on."""
+    """Opens an input a second time; yields those of its first `limit` images that come from `number` on."""
     with open_source(path, image_topic, fps) as source:
         yield from itertools.islice(source.frames(limit), number, None)

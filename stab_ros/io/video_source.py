@@ -17,7 +17,7 @@ PICTURE_TOPIC = topic_in(DEFAULT_NAMESPACE, RAW_TOPIC)
 
 
 class VideoSource:
-    """A video or a folder of images, as if the pictures had been recorded on `/camera/image_raw`."""
+    """A video or a folder of images, as if its images had been recorded on `/camera/image_raw`."""
 
     def __init__(self, path: Path, reader: FrameReader) -> None:
         self.name = str(path)
