@@ -140,11 +140,11 @@ def test_a_tracker_without_a_home(graph: Graph) -> None:
     assert tracker.stop() == 0
 
 
-def test_a_silence_that_lasts_is_answered_with_a_doubt_and_the_start_goes_on(graph: Graph) -> None:
+def test_a_long_pause_gives_provisional_homographies_and_the_start_goes_on(graph: Graph) -> None:
     camera = ImagePublisher(graph, stale_s=0.1)
     camera.show(6)
     camera.until_answered(6)
-    camera.until_said("before enough was seen to tell what is ground")
+    camera.until_said("the buffered frames got provisional homographies")
     graph.until(lambda: values_of(camera.reports[-1])["ground"] == "provisional", "the ground being provisional")
     camera.show(FRAMES - 6)
     camera.until_answered(FRAMES)
