@@ -7,9 +7,10 @@ from typing import cast
 
 from rosbags.typesys.stores import ros2_jazzy as ros
 
+from stab_ros.evaluation.findings import Level
 from stab_ros.io.cdr import DIAGNOSTIC_ARRAY, Header, deserialize, header_message, serialize
 
-OK, WARN, ERROR = 0, 1, 2  # diagnostic_msgs/DiagnosticStatus.level
+OK, WARN, ERROR = Level
 
 
 def diagnostics_cdr(

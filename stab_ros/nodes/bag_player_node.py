@@ -40,7 +40,7 @@ class PlayerSettings(Checked):
     bag: str = setting("", "Path of the recording: an .mcap, a rosbag2 folder or a ROS 1 .bag")
     rate: float = setting(1.0, "Playback speed relative to real time", 0.001, 1e6)
     loop: bool = setting(False, "Whether to start again at the end")
-    start_offset: float = setting(0.0, "Time at the beginning of the recording that is skipped, s", 0.0, 1e9)
+    start_offset: float = setting(0.0, "Time in seconds to skip at the beginning of the recording", 0.0, 1e9)
     clock: bool = setting(False, "Whether to publish /clock")
     wait_for_subscribers: int = setting(
         0, "Number of subscribers, over all image topics (all topics if none has images), to wait for before playing",

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 import zstandard
 from bag_makers import FLIGHT, JAZZY, by_mcap, read
-from corruption import KINDS, Outcome
+from corruption import KINDS, ReadOutcome
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Chunk
@@ -40,12 +40,12 @@ GIGABYTE = 2**30
 CHILD = Path(__file__).with_name("corruption.py")
 
 
-def outcomes(folder: Path, tasks: Sequence[dict[str, Any]]) -> list[Outcome]:
+def outcomes(folder: Path, tasks: Sequence[dict[str, Any]]) -> list[ReadOutcome]:
     """Of all tasks, read by one child, which stays within bounds."""
     (folder / "tasks.json").write_text(json.dumps(tasks), encoding="utf-8")
     done = subprocess.run([sys.executable, str(CHILD), str(folder / "tasks.json")], capture_output=True, text=True,
                           timeout=600, check=False)
-    found = [Outcome(**json.loads(line)) for line in done.stdout.splitlines()]
+    found = [ReadOutcome(**json.loads(line)) for line in done.stdout.splitlines()]
     assert done.returncode == 0, (done.stderr, found[-1:])
     assert len(found) == len(tasks)
     for one in found:
