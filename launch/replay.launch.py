@@ -55,7 +55,7 @@ def generate_launch_description() -> LaunchDescription:
     )
     return LaunchDescription([
         DeclareLaunchArgument("bag", description="Recording: an .mcap, a rosbag2 folder or a ROS 1 .bag"),
-        DeclareLaunchArgument("output", description="Path of the .mcap to write; end with Ctrl-C once all frames are tracked"),
+        DeclareLaunchArgument("output", description="The .mcap to write; end with Ctrl-C once all frames are tracked"),
         DeclareLaunchArgument("namespace", default_value="/camera", description="Namespace of the recorded camera"),
         DeclareLaunchArgument("rate", default_value="1.0", description="Playback speed relative to real time"),
         DeclareLaunchArgument("evaluate", default_value="true", description="Whether to start the evaluator"),

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections import deque
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from sensor_msgs.msg import CompressedImage, Image
 from std_srvs.srv import Trigger
 
 from stab_ros.core.errors import InputError, MessageError
@@ -16,13 +13,12 @@ from stab_ros.core.kernels import Compilation, compile_kernels
 from stab_ros.core.settings import Checked, Value, setting
 from stab_ros.core.timeline import Advance
 from stab_ros.core.types import Frame, Track
-from stab_ros.io.cdr import COMPRESSED_IMAGE, IMAGE, SECOND_NS, Header, header_of
+from stab_ros.io.cdr import SECOND_NS, Header, header_of
 from stab_ros.io.image_message import read_image
-from stab_ros.io.topics import HOMOGRAPHY_TOPIC, RAW_COMPRESSED_TOPIC, RAW_TOPIC
+from stab_ros.io.topics import HOMOGRAPHY_TOPIC
 from stab_ros.nodes import params
 from stab_ros.nodes.camera_info_subscription import CameraInfoSubscription
-from stab_ros.nodes.gap_counter import GapCounter
-from stab_ros.nodes.qos import AdaptiveSubscription, keep_all_reliable, newest_only
+from stab_ros.nodes.image_input import ImageInput
 from stab_ros.nodes.reference_file import ReferenceFile
 from stab_ros.nodes.runtime import StabNode
 from stab_ros.nodes.spinner import Spinner
@@ -38,7 +34,6 @@ from stab_ros.tracking.start_buffer import GroundState
 from stab_ros.tracking.static_map import StaticMap
 
 _POLL_NS = SECOND_NS // 10  # period at which subscribers, publishers and the silence are checked
-_HELD_IMAGES = 100  # until the first camera_info
 
 
 @dataclass(frozen=True)
@@ -85,13 +80,13 @@ class TrackerNode(StabNode):
         self.stabilizer: Stabilizer = make_stabilizer(values)
         self.camera = CameraInfoSubscription(self, self._use_camera) if values["use_camera_info"] else None
         self.status = TrackerStatus(str(values["method"]), round(self.settings.stale_s * SECOND_NS))
-        self._image_type = COMPRESSED_IMAGE if self.settings.image_transport == "compressed" else IMAGE
-        self._input: AdaptiveSubscription | None = None
+        self._input = ImageInput(
+            self, compressed=self.settings.image_transport == "compressed", keep_all=self.settings.queue_depth == 0,
+            may_pass=self._knows_camera, take=self._track, dropped=self.status.on_dropped)
         self._warnings = ThrottledWarnings(self.get_logger())
-        self._gaps, self._stamps = GapCounter(), StampMonitor()
+        self._stamps = StampMonitor()
         self._file = ReferenceFile(self.settings.reference_path, self.get_logger())
         self._file.check_camera(self.camera is not None)
-        self._held: deque[tuple[bytes, int]] = deque(maxlen=_HELD_IMAGES)  # until the camera is known
         self._pending: dict[int, _Pending] = {}  # by index of the frame
         self._published_reference: Frame | None = None
         self._published_map: StaticMap | None = None
@@ -132,50 +127,31 @@ class TrackerNode(StabNode):
         self.free.ticked(_POLL_NS)
         if self.camera is not None:
             self.camera.refresh()
-        if self._input is not None:
+        if self._input.is_open:
             self._input.refresh()
             self._end_buffering_in_pause(self._input.publishers)
         elif self.outputs.homography.subscribers >= self.settings.wait_for_subscribers:
-            self._input = self._open_input()
-            self.status.waiting_for = f"images on {self._input.topic}" + (" and camera_info" if self.camera else "")
-            self.get_logger().info(f"ready, taking images from {self._input.topic}")
+            topic = self._input.open()
+            self.status.waiting_for = f"images on {topic}" + (" and camera_info" if self.camera else "")
+            self.get_logger().info(f"ready, taking images from {topic}")
         else:
             self.status.waiting_for = f"{self.settings.wait_for_subscribers} subscribers of {HOMOGRAPHY_TOPIC}"
 
-    def _open_input(self) -> AdaptiveSubscription:
-        compressed = self._image_type == COMPRESSED_IMAGE
-        msg_class, topic = (CompressedImage, RAW_COMPRESSED_TOPIC) if compressed else (Image, RAW_TOPIC)
-        choose = newest_only if self.settings.queue_depth else keep_all_reliable
-        return AdaptiveSubscription(self, msg_class, topic, self._on_image, choose,
-                                    "let it offer RELIABLE, or set queue_depth:=1")
-
-    def _on_image(self, cdr: bytes, info: Mapping[str, int]) -> None:
-        if self._input is not None:
-            self.status.on_dropped(self._gaps.missed(info["publication_sequence_number"], self._input.publishers))
-        if self.camera is None or self.camera.camera is not None:
-            self._track(cdr, info["source_timestamp"])
-        else:
-            self._hold(cdr, info["source_timestamp"])
-
-    def _hold(self, cdr: bytes, source_ns: int) -> None:
-        """Keeps the image until its camera is known, unless only the newest counts."""
-        room = 0 if self.settings.queue_depth else _HELD_IMAGES
-        self.status.on_dropped(int(len(self._held) >= room))
-        if room:
-            self._held.append((cdr, source_ns))
+    def _knows_camera(self) -> bool:
+        """Whether images can be tracked: no camera is needed, or it is known."""
+        return self.camera is None or self.camera.camera is not None
 
     def _use_camera(self) -> None:
         """The camera has become known: starts the engine with it, and tracks the images that were held."""
         assert self.camera is not None
         self.stabilizer = make_stabilizer(self.values, self.camera.camera)
-        while self._held:
-            self._track(*self._held.popleft())
+        self._input.release()
 
     # tracking --------------------------------------------------------------------------------------------------------
     def _track(self, cdr: bytes, source_ns: int) -> None:
         index = self.stabilizer.frames
         try:
-            frame = _read(cdr, self._image_type)
+            frame = _read(cdr, self._input.msgtype)
             if self._stamps.is_duplicate(frame.stamp_ns):
                 self.status.on_dropped(1)
                 self._warn_of_stamp(Advance.SAME)
@@ -266,7 +242,7 @@ class TrackerNode(StabNode):
     def _report(self) -> None:
         self.status.competing, self.status.relief = self.stabilizer.rival, self.stabilizer.relief
         self.status.ground = self.stabilizer.ground
-        self.status.stamps, self.status.before = self._stamps.counts, self._gaps.before
+        self.status.stamps, self.status.before = self._stamps.counts, self._input.before
         self.publish_diagnostics(self.status.report(self.free.ns))
 
     # services and parameters -----------------------------------------------------------------------------------------
