@@ -1,14 +1,14 @@
-"""Header stamps of a stream: how each follows the previous one, and a time axis without the jumps of a clock."""
+"""Classification of header stamps, and a continuous time across clock changes."""
 
 from __future__ import annotations
 
 from enum import Enum
 
-_FAR_NS = 60 * 10**9  # no camera pauses for so long: its clock was set, or another recording begins
+_FAR_NS = 60 * 10**9  # a larger step is a clock change or another recording, not a pause of the camera
 
 
 class Advance(Enum):
-    """How a stamp follows the previous one. AHEAD: by more than a camera pauses."""
+    """Step from the previous stamp to the current one. SAME: duplicate stamp. AHEAD: a step of more than a minute."""
 
     STEADY = "steady"
     ZERO = "zero"
@@ -18,7 +18,7 @@ class Advance(Enum):
 
 
 def judge(stamp_ns: int, last_ns: int | None) -> Advance:
-    """How `stamp_ns` follows `last_ns`, the last stamp that was not zero (None: there is none yet)."""
+    """Classifies the step to `stamp_ns` from `last_ns`, the last stamp other than 0 (None: there is none yet)."""
     if stamp_ns == 0:
         return Advance.ZERO
     if last_ns is None:
@@ -29,20 +29,24 @@ def judge(stamp_ns: int, last_ns: int | None) -> Advance:
 
 
 class Timeline:
-    """now_ns: the time of the last frame, equal to its stamp until the stamps jump.
+    """Time of the stream, from header stamps.
 
-    A late frame and the start of a loop move time back. A jump by more than a camera pauses does not move time, nor
-    does a stamp of zero.
+    The time equals the stamp until the stamp jumps by more than a minute in either direction. From then on a constant
+    offset keeps the time continuous. Smaller steps backwards (late frames, short loops) move the time backwards, too.
+    Frames with a stamp of 0 do not change the time.
+
+    Attributes:
+        now_ns: time of the last frame.
     """
 
     def __init__(self) -> None:
         self.now_ns = 0
-        self._offset_ns = 0  # from stamps to time
+        self._offset_ns = 0  # time minus stamp
         self._last_ns: int | None = None
         self._begun = False
 
     def take(self, stamp_ns: int) -> Advance:
-        """The next frame."""
+        """Advances to the next frame's stamp, ns, and classifies the step."""
         step, last_ns = judge(stamp_ns, self._last_ns), self._last_ns
         if stamp_ns != 0:
             if self._begun and (last_ns is None or abs(stamp_ns - last_ns) > _FAR_NS):
