@@ -19,8 +19,8 @@ import numpy as np
 from rosbags.typesys.stores import ros2_jazzy as ros
 
 from stab_ros.io.bag import BagWriter, Message, topic_of
+from stab_ros.io.cdr import CAMERA_INFO, COMPRESSED_IMAGE, typestore
 from stab_ros.io.homographies import COLUMNS
-from stab_ros.io.messages import CAMERA_INFO, COMPRESSED_IMAGE, typestore
 from stab_ros.synthetic.camera_path import Motion, Pose
 from stab_ros.synthetic.flight import Flight, Shot
 from stab_ros.synthetic.river import ControlPoint, Island, SceneSettings, Stream
@@ -51,7 +51,7 @@ RIVER = SceneSettings(
 
 
 def main() -> None:
-    """Makes both files in the folder of the command line."""
+    """Makes both files in the folder that the command line names."""
     parser = argparse.ArgumentParser(description="Makes sample.mcap and sample_truth.csv.")
     parser.add_argument("folder", nargs="?", type=Path, default=Path(__file__).parent)
     folder = parser.parse_args().folder
@@ -90,13 +90,13 @@ def write_truth(path: Path, flight: Flight) -> None:
 
 
 def header(stamp_ns: int, frame_id: str) -> ros.std_msgs__msg__Header:
-    """A header of these."""
+    """std_msgs/Header."""
     sec, nanosec = divmod(stamp_ns, 1_000_000_000)
     return ros.std_msgs__msg__Header(ros.builtin_interfaces__msg__Time(sec, nanosec), frame_id)
 
 
 def compressed(image: Image, stamp_ns: int) -> bytes:
-    """The picture as JPEG."""
+    """The image as JPEG."""
     _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     message = ros.sensor_msgs__msg__CompressedImage(header(stamp_ns, "camera"), "jpeg", data.ravel())
     return bytes(typestore().serialize_cdr(message, COMPRESSED_IMAGE))
@@ -113,7 +113,7 @@ def camera_info(flight: Flight, stamp_ns: int) -> bytes:
 
 
 def fix(pose: Pose, stamp_ns: int) -> bytes:
-    """The drone's position; the lower edge of the nominal picture looks south."""
+    """The drone's position; the lower edge of the nominal image faces south."""
     latitude, longitude = HOME_DEG
     types = typestore().types
     message = types[NAV_SAT_FIX](

@@ -89,7 +89,7 @@ def faults(scene: SceneSettings) -> Sequence[Fault]:
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class FaultCourse:
     """One run: seconds, error px (NaN: lost), and sigma px of every frame. reset_counter: at the end."""
 
     fault: Fault
@@ -119,7 +119,7 @@ class Course:
 
 
 def fly(fault: Fault, scene: SceneSettings, size: tuple[int, int], values: Mapping[str, Value],
-        seed: int = SEED) -> Course:
+        seed: int = SEED) -> FaultCourse:
     """A flight with one fault, tracked with default settings but for `values`."""
     gusts = () if fault.move is None else (Gust(BEGIN_S, 1e-6, fault.move),)
     scene = replace(scene, motion=replace(scene.motion, gusts=(*scene.motion.gusts, *gusts)))
@@ -136,7 +136,7 @@ def fly(fault: Fault, scene: SceneSettings, size: tuple[int, int], values: Mappi
     seconds = np.array([index / scene.fps for index in shown])
     error_px = np.array([_error_px(tracks[index], flight, size) for index in shown])
     sigma_px = np.array([tracks[index].sigma_px or math.nan for index in shown])
-    return Course(fault, seconds, error_px, sigma_px, stabilizer.reset_counter)
+    return FaultCourse(fault, seconds, error_px, sigma_px, stabilizer.reset_counter)
 
 
 def _spoilt(fault: Fault, shot: Shot, flight: Flight) -> Gray | None:
@@ -172,16 +172,16 @@ def measure(effort: Effort) -> Section:
     return Section("Faults in the stream", [Table("State and error", head, rows, note)], data)
 
 
-def _row(course: Course) -> tuple[str, ...]:
+def _row(course: FaultCourse) -> tuple[str, ...]:
     return (course.fault.name, str(len(course.seconds)), str(course.lost), str(course.recovery), str(course.wrong),
             number(float(np.nanmax(course.error_px)), 3), number(_after_px(course), 4), str(course.reset_counter))
 
 
-def _after_px(course: Course) -> float:
+def _after_px(course: FaultCourse) -> float:
     return float(np.nanmedian(course.error_px[course.seconds >= END_S]))
 
 
-def plot(courses: Sequence[Course], path: Path) -> None:
+def plot(courses: Sequence[FaultCourse], path: Path) -> None:
     """Error over time, one panel a fault; lost frames stand at the top."""
     import matplotlib
 

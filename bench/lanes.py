@@ -17,7 +17,7 @@ from stab_ros.core.types import Homography
 
 
 @dataclass(frozen=True)
-class Answer:
+class LaneAnswer:
     """What one way said of one frame. errors_px: one for each thing asked, NaN where lost."""
 
     ms: float
@@ -29,9 +29,9 @@ class Lane:
     """One way, and what it said by frame; or why there is none of it."""
 
     name: str
-    ask: Callable[[int], Answer] | None = None
+    ask: Callable[[int], LaneAnswer] | None = None
     absent: str = ""
-    answers: dict[int, Answer] = field(default_factory=dict)
+    answers: dict[int, LaneAnswer] = field(default_factory=dict)
 
     @property
     def ms(self) -> Spread:
@@ -51,14 +51,14 @@ class Lane:
         return Spread.of([self.answers[k].ms / other.answers[k].ms for k in both]).median
 
 
-def asked(scene: Scene, ref_H_cur: Callable[[int], Homography | None]) -> Callable[[int], Answer]:
+def asked(scene: Scene, ref_H_cur: Callable[[int], Homography | None]) -> Callable[[int], LaneAnswer]:
     """Times it, and compares it with the truth."""
 
-    def ask(index: int) -> Answer:
+    def ask(index: int) -> LaneAnswer:
         start_ns = perf_counter_ns()
         H = ref_H_cur(index)
         ms = (perf_counter_ns() - start_ns) / 1e6
-        return Answer(ms, [float("nan") if H is None else rms_distance(H, scene.truth[index], scene.size)])
+        return LaneAnswer(ms, [float("nan") if H is None else rms_distance(H, scene.truth[index], scene.size)])
 
     return ask
 

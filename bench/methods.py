@@ -62,7 +62,7 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class MethodResult:
     """What became of the frames but the reference. error_px: None where lost. floors_px: the least its model can."""
 
     candidate: Candidate
@@ -118,7 +118,7 @@ def measure(effort: Effort) -> Section:
     return Section("Methods", tables, data)
 
 
-def _of_scene(name: str, frames: int) -> list[Outcome]:
+def _of_scene(name: str, frames: int) -> list[MethodResult]:
     scene = render(name, HD, frames)
     with tempfile.TemporaryDirectory() as folder:
         mask = Path(folder) / "water.png"
@@ -165,7 +165,7 @@ def _floors_px(model: str, scene: Scene) -> list[float]:
     return [rms_distance(nearest(model, H, points), H, scene.size) for H in scene.truth[1:]]
 
 
-def _outcome(candidate: Candidate, name: str, scene: Scene) -> Outcome:
+def _outcome(candidate: Candidate, name: str, scene: Scene) -> MethodResult:
     _forget_compiling(make_stabilizer(candidate.values), scene)
     stabilizer = make_stabilizer(candidate.values)
     stabilizer.track(scene.frames[0])
@@ -176,7 +176,7 @@ def _outcome(candidate: Candidate, name: str, scene: Scene) -> Outcome:
         times.append((perf_counter_ns() - start_ns) / 1e6)
         tracks.append(track)
         errors.append(None if track.ref_H_cur is None else rms_distance(track.ref_H_cur, truth, scene.size))
-    return Outcome(candidate, name, tracks, errors, times, _floors_px(candidate.model, scene))
+    return MethodResult(candidate, name, tracks, errors, times, _floors_px(candidate.model, scene))
 
 
 def _forget_compiling(stabilizer: Stabilizer, scene: Scene) -> None:
@@ -185,14 +185,14 @@ def _forget_compiling(stabilizer: Stabilizer, scene: Scene) -> None:
         stabilizer.track(frame)
 
 
-def _table(scene: str, outcomes: Sequence[Outcome]) -> Table:
+def _table(scene: str, outcomes: Sequence[MethodResult]) -> Table:
     head = ("error, px", "median", "floor", "target", "met", "95 %", "max", "lost", "RMSE", "sigma", "ms", "model")
     frames = len(outcomes[0].error_px)
     title = f"{scene}, {frames} frames of {HD[0]}x{HD[1]} against one more, by method and preset"
     return Table(title, head, [_row(outcome) for outcome in outcomes], _NOTE)
 
 
-def _row(outcome: Outcome) -> tuple[str, ...]:
+def _row(outcome: MethodResult) -> tuple[str, ...]:
     error, candidate = outcome.error, outcome.candidate
     judged = error.median if not outcome.lost else float("inf")
     return (candidate.name, number(error.median, 4), number(outcome.floor_px, 3),
@@ -201,7 +201,7 @@ def _row(outcome: Outcome) -> tuple[str, ...]:
             candidate.model)
 
 
-def _data(outcome: Outcome) -> dict[str, object]:
+def _data(outcome: MethodResult) -> dict[str, object]:
     return {"error_px": outcome.error.data(), "lost": outcome.lost,
             "floor_px": None if np.isnan(outcome.floor_px) else outcome.floor_px,
             "target_px": outcome.target_px, "ms": Spread.of(outcome.ms).data(),

@@ -13,7 +13,8 @@ from spread import Spread
 from tables import Section, Table, number
 
 from stab_ros.io.bag import BagWriter, topic_of
-from stab_ros.io.messages import IMAGE, header_of, image_cdr
+from stab_ros.io.cdr import IMAGE, header_of
+from stab_ros.io.image_message import image_cdr
 from stab_ros.jobs.stabilize import Job, stabilize
 from stab_ros.parameters.engines import make_stabilizer
 

@@ -18,7 +18,7 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import CameraInfo, Image
 
 from stab_ros.core.memory import keep_freed_memory
-from stab_ros.io.messages import read_stamp
+from stab_ros.io.cdr import read_stamp
 from stab_ros.nodes.transport import use_profile
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from effort import Effort
 from environment import Child, Package, UnavailableError, running
-from lanes import Answer, Lane, asked, lanes_data, lanes_table, raced
+from lanes import Lane, LaneAnswer, asked, lanes_data, lanes_table, raced
 from scenes import HD, Scene, render
 from tables import Section
 
@@ -71,18 +71,18 @@ def _beside_openpiv(scene: Scene, pictures: Path) -> list[Lane]:
         return [*raced([ours], len(scene.frames)), Lane("OpenPIV", absent=str(why))]
 
 
-def _tracker(method: str, scene: Scene) -> Callable[[int], Answer]:
+def _tracker(method: str, scene: Scene) -> Callable[[int], LaneAnswer]:
     stabilizer = make_stabilizer({"method": method})
     stabilizer.track(scene.frames[0])
     return asked(scene, lambda index: stabilizer.track(scene.frames[index]).ref_H_cur)
 
 
-def stabilo(child: Child, scene: Scene, ms: str = "ms") -> Callable[[int], Answer]:
+def stabilo(child: Child, scene: Scene, ms: str = "ms") -> Callable[[int], LaneAnswer]:
     """By the process that knows the same frames by their numbers; `ms` or `with_warp_ms` is the time that counts."""
-    def ask(index: int) -> Answer:
+    def ask(index: int) -> LaneAnswer:
         told = child.ask(index)
         H = np.full((3, 3), np.nan) if told["H"] is None else np.array(told["H"])
-        return Answer(told[ms], [rms_distance(H, scene.truth[index], scene.size)])
+        return LaneAnswer(told[ms], [rms_distance(H, scene.truth[index], scene.size)])
 
     return ask
 
@@ -94,24 +94,24 @@ def _fft(scene: Scene) -> Fft:
     return Fft(reference, np.ones(reference.shape, bool), config, scene.control_points_px)
 
 
-def _points(method: Fft, scene: Scene) -> Callable[[int], Answer]:
+def _points(method: Fft, scene: Scene) -> Callable[[int], LaneAnswer]:
     """Our areas begin where the homography of the frame before puts them."""
-    def ask(index: int) -> Answer:
+    def ask(index: int) -> LaneAnswer:
         start_ns = perf_counter_ns()
         pairs = method.match(scene.frames[index].image, scene.truth[index - 1], np.ones(len(method.reference_px)))
         ms = (perf_counter_ns() - start_ns) / 1e6
         found_px = np.full_like(method.reference_px, np.nan)
         found_px[pairs.feature_id] = pairs.current_px
-        return Answer(ms, _point_errors_px(found_px, method.reference_px, scene, index))
+        return LaneAnswer(ms, _point_errors_px(found_px, method.reference_px, scene, index))
 
     return ask
 
 
-def _openpiv(child: Child, how: str, points_px: FloatArray, scene: Scene) -> Callable[[int], Answer]:
-    def ask(index: int) -> Answer:
+def _openpiv(child: Child, how: str, points_px: FloatArray, scene: Scene) -> Callable[[int], LaneAnswer]:
+    def ask(index: int) -> LaneAnswer:
         starts_px = apply(np.linalg.inv(scene.truth[index - 1]), points_px)
         told = child.ask({"frame": index, "how": how, "points_px": points_px.tolist(), "starts_px": starts_px.tolist()})
-        return Answer(told["ms"], _point_errors_px(np.array(told["found_px"]), points_px, scene, index))
+        return LaneAnswer(told["ms"], _point_errors_px(np.array(told["found_px"]), points_px, scene, index))
 
     return ask
 

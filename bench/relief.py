@@ -64,7 +64,7 @@ class RaisedBank:
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class ReliefCourse:
     """error_px: of each frame over the water. sigma_px: likewise. parallax_px: RMS. told_px: at the end, if at all."""
 
     error_px: FloatArray
@@ -73,7 +73,7 @@ class Course:
     told_px: float | None
 
 
-def fly(scene: RaisedBank) -> Course:
+def fly(scene: RaisedBank) -> ReliefCourse:
     """Tracks the flight as the command does."""
     flight, stabilizer, answers = scene.flight, make_stabilizer({}), []
     for index in tqdm(range(len(flight)), flight.preset.name, disable=None, leave=False):
@@ -87,7 +87,7 @@ def fly(scene: RaisedBank) -> Course:
     off = [apply(H, water) - apply(truth, water) for H, truth, _ in found]
     parallax = [scene.parallax_px(index) for index in range(len(flight))]
     relief = stabilizer.relief
-    return Course(np.array([math.sqrt((one**2).sum(axis=1).mean()) for one in off]),
+    return ReliefCourse(np.array([math.sqrt((one**2).sum(axis=1).mean()) for one in off]),
                   np.array([sigma for _, _, sigma in found]), float(np.sqrt(np.mean(np.square(parallax)))),
                   None if relief is None else relief.px)
 

@@ -9,28 +9,30 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import signal
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from live_processes import ProcessSample, start_python, there_and_back, write_loop
 from machine import describe
-from scenes import HD, Scene, render
+from scenes import HD, render
 from spread import Spread
 from tables import Table, number
 from tqdm import tqdm
 
 from stab_ros.core.memory import keep_freed_memory
-from stab_ros.io.bag import BagWriter, open_bag, topic_of
-from stab_ros.io.messages import IMAGE, SECOND_NS, header_of, image_cdr, read_values
+from stab_ros.core.types import Frame
+from stab_ros.io.bag import open_bag
+from stab_ros.io.cdr import SECOND_NS
+from stab_ros.io.diagnostics_message import read_values
 
 _DOMAIN, _LOOK_S, _WARM_UP_SHARE = 73, 5.0, 0.1
 _RATE_HZ, _RENDERED = 25, 51
@@ -39,22 +41,7 @@ _ENOUGH_MB_H = 8.0  # of growth
 
 
 @dataclass(frozen=True)
-class Sample:
-    """One process at a time since the beginning."""
-
-    seconds: float
-    anonymous_mb: float
-    descriptors: int
-
-    @staticmethod
-    def of(pid: int, seconds: float) -> Sample:
-        folder = Path("/proc") / str(pid)
-        words = (folder / "status").read_text(encoding="utf-8").partition("RssAnon:")[2].split()
-        return Sample(seconds, int(words[0]) / 1024, len(list((folder / "fd").iterdir())))
-
-
-@dataclass(frozen=True)
-class Counts:
+class FrameCounts:
     """Frames, by who has counted them."""
 
     published: int
@@ -101,9 +88,9 @@ def _parser() -> argparse.ArgumentParser:
 
 
 # the flight -----------------------------------------------------------------------------------------------------------
-def _fly(folder: Path, seconds: float) -> dict[str, list[Sample]]:
+def _fly(folder: Path, seconds: float) -> dict[str, list[ProcessSample]]:
     """All processes, sampled while they run; the recording is `folder`/out.mcap."""
-    _write_loop(folder / "loop.mcap", render("kolubara", HD, _RENDERED))
+    write_loop(folder / "loop.mcap", _restamped(there_and_back(render("kolubara", HD, _RENDERED))))
     at_camera = ("-r", "__ns:=/camera", "-p", "wait_for_subscribers:=")
     processes = {
         "recorder": _start("bag_recorder", "-p", f"output:={folder / 'out.mcap'}", "-p",
@@ -122,36 +109,29 @@ def _fly(folder: Path, seconds: float) -> dict[str, list[Sample]]:
             processes[name].wait(60)
 
 
-def _write_loop(path: Path, scene: Scene) -> None:
-    """There and back, so that its end meets its beginning."""
-    with BagWriter(path) as writer:
-        writer.add_topic(topic_of("image_raw", IMAGE))
-        for number, (frame, _) in enumerate(scene.back_and_forth(2 * (len(scene.frames) - 1)), start=_RATE_HZ):
-            shown = replace(frame, stamp_ns=number * SECOND_NS // _RATE_HZ)
-            writer.write("image_raw", shown.stamp_ns, shown.stamp_ns,
-                         image_cdr(shown.image, shown.encoding, header_of(shown)))
+def _restamped(frames: Iterable[Frame]) -> Iterator[Frame]:
+    """One second and more after the epoch, at the rate of the soak."""
+    for index, frame in enumerate(frames, start=_RATE_HZ):
+        yield replace(frame, stamp_ns=index * SECOND_NS // _RATE_HZ)
 
 
 def _start(name: str, *arguments: str) -> subprocess.Popen[bytes]:
-    environment = {**os.environ, "ROS_DOMAIN_ID": str(_DOMAIN), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    words = [sys.executable, "-m", f"stab_ros.nodes.{name}", "--ros-args", *arguments]
-    return subprocess.Popen(words, env=environment, stderr=subprocess.DEVNULL)
+    return start_python(_DOMAIN, "-m", f"stab_ros.nodes.{name}", "--ros-args", *arguments, stderr=subprocess.DEVNULL)
 
 
-def _watched(processes: Mapping[str, subprocess.Popen[bytes]], seconds: float) -> dict[str, list[Sample]]:
-    samples: dict[str, list[Sample]] = {name: [] for name in processes}
-    begin_s = time.monotonic()
+def _watched(processes: Mapping[str, subprocess.Popen[bytes]], seconds: float) -> dict[str, list[ProcessSample]]:
+    samples: dict[str, list[ProcessSample]] = {name: [] for name in processes}
     for _ in tqdm(range(round(seconds / _LOOK_S)), "soak", disable=None):
         time.sleep(_LOOK_S)
         for name, process in processes.items():
             if process.poll() is not None:
                 raise SystemExit(f"the {name} has ended with exit code {process.returncode}")
-            samples[name].append(Sample.of(process.pid, time.monotonic() - begin_s))
+            samples[name].append(ProcessSample.of(process.pid))
     return samples
 
 
 # what came of it ------------------------------------------------------------------------------------------------------
-def _read(path: Path) -> tuple[Counts, list[tuple[float, float]]]:
+def _read(path: Path) -> tuple[FrameCounts, list[tuple[float, float]]]:
     """What was counted, and how late a homography was, ms, by the second of the flight."""
     last: dict[str, dict[str, str]] = {}
     late_ms: list[tuple[float, float]] = []
@@ -163,7 +143,7 @@ def _read(path: Path) -> tuple[Counts, list[tuple[float, float]]]:
             if _who(values) == "tracker" and values["latency_ms"]:
                 late_ms.append(((message.log_time_ns - bag.start_ns) / 1e9, float(values["latency_ms"])))
     tracker = {name: int(text) for name, text in last["tracker"].items() if text.isdigit()}
-    return Counts(
+    return FrameCounts(
         int(last["player"]["messages"]), tracker["frames_tracked"] + tracker["frames_lost"], tracker["frames_dropped"],
         tracker["frames_refused"], tracker["frames_before"], recorded[_FOLLOWED[0]], recorded[_FOLLOWED[2]],
         int(last["evaluator"]["frames_skipped"]), int(last["recorder"]["messages_lost"]),
@@ -176,17 +156,19 @@ def _who(values: Mapping[str, str]) -> str:
     return next((name for sign, name in signs.items() if sign in values), "evaluator")
 
 
-def _settled(samples: Sequence[Sample]) -> Sequence[Sample]:
+def _settled(samples: Sequence[ProcessSample]) -> Sequence[ProcessSample]:
     return samples[round(_WARM_UP_SHARE * len(samples)) :]
 
 
-def _growth_mb_h(samples: Sequence[Sample]) -> float:
+def _growth_mb_h(samples: Sequence[ProcessSample]) -> float:
     """Slope of a straight line through RssAnon, after a tenth of the time."""
     settled = _settled(samples)
-    return float(np.polyfit([one.seconds / 3600 for one in settled], [one.anonymous_mb for one in settled], 1)[0])
+    hours = [(one.time_ns - settled[0].time_ns) / 3.6e12 for one in settled]
+    return float(np.polyfit(hours, [one.anonymous_mb for one in settled], 1)[0])
 
 
-def _report(minutes: float, samples: Mapping[str, Sequence[Sample]], counts: Counts, late_ms: Iterable[float]) -> str:
+def _report(minutes: float, samples: Mapping[str, Sequence[ProcessSample]], counts: FrameCounts,
+            late_ms: Iterable[float]) -> str:
     rows = [(name, *(number(_settled(one)[at].anonymous_mb, 1) for at in (0, -1)), number(_growth_mb_h(one), 2),
              str(_settled(one)[0].descriptors), str(one[-1].descriptors)) for name, one in samples.items()]
     memory = Table("Memory and file descriptors, after a tenth of the time and at the end",
@@ -199,14 +181,15 @@ def _report(minutes: float, samples: Mapping[str, Sequence[Sample]], counts: Cou
     return "\n".join([*lines, f"- unaccounted for: {counts.unaccounted}"])
 
 
-def _plot(samples: Mapping[str, Sequence[Sample]], late_ms: Sequence[tuple[float, float]], path: Path) -> None:
+def _plot(samples: Mapping[str, Sequence[ProcessSample]], late_ms: Sequence[tuple[float, float]], path: Path) -> None:
     mpl.use("agg")
     from matplotlib import pyplot as plt
 
     figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(8, 6), layout="constrained")
     axes: Any = above
     for name, one in samples.items():
-        axes.plot([sample.seconds / 60 for sample in one], [sample.anonymous_mb for sample in one], label=name)
+        minutes = [(sample.time_ns - one[0].time_ns) / 60e9 for sample in one]
+        axes.plot(minutes, [sample.anonymous_mb for sample in one], label=name)
     axes.set(ylabel="RssAnon, MB", ylim=(0, None), title=f"{HD[0]}x{HD[1]} mono8 at {_RATE_HZ} frames/s")
     axes.legend(loc="upper right", ncols=len(samples))
     below.plot([seconds / 60 for seconds, _ in late_ms], [late for _, late in late_ms], ".", markersize=2)

@@ -42,16 +42,10 @@ import stab_ros
 from stab_ros.core.geometry import rms_distance
 from stab_ros.core.types import Frame, Homography
 from stab_ros.io.bag import BagWriter, open_bag, topic_of
-from stab_ros.io.messages import (
-    IMAGE,
-    SECOND_NS,
-    Header,
-    image_cdr,
-    read_homography,
-    read_image,
-    read_stamp,
-    read_values,
-)
+from stab_ros.io.cdr import IMAGE, SECOND_NS, Header, read_stamp
+from stab_ros.io.diagnostics_message import read_values
+from stab_ros.io.homography_message import read_homography
+from stab_ros.io.image_message import image_cdr, read_image
 from stab_ros.nodes.qos import KEEP_ALL
 from stab_ros.nodes.transport import use_profile
 from stab_ros.parameters.engines import make_stabilizer
@@ -113,7 +107,7 @@ CONDITIONS: Mapping[str, Condition] = {
 
 # what is flown --------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
-class Answer:
+class StartAnswer:
     """To one frame. H: None while lost."""
 
     H: Homography | None
@@ -121,21 +115,21 @@ class Answer:
 
 
 @dataclass(frozen=True, eq=False)
-class Stream:
+class StartStream:
     """pictures: serialised. truth, engine: by header stamp, ns; the latter is what the engine answers."""
 
     pictures: list[bytes]
     truth: dict[int, Homography]
-    engine: dict[int, Answer]
+    engine: dict[int, StartAnswer]
 
     @staticmethod
-    def of(flight: Flight) -> Stream:
+    def of(flight: Flight) -> StartStream:
         """Also compiles the kernels, if they are not yet: the frames are as a node gets them."""
         pictures, truth = [], {}
         for shot in tqdm(flight, "render", disable=None, leave=False):
             pictures.append(image_cdr(shot.image, "mono8", Header(shot.stamp_ns)))
             truth[shot.stamp_ns] = shot.ref_H_cur
-        return Stream(pictures, truth, _by_engine([read_image(one, IMAGE) for one in pictures]))
+        return StartStream(pictures, truth, _by_engine([read_image(one, IMAGE) for one in pictures]))
 
     def write(self, path: Path, condition: Condition) -> None:
         """A bag whose log times are when each picture is due; the stamps are as they were."""
@@ -151,10 +145,10 @@ def trap_flight() -> Flight:
     return Flight(replace(scene, fps=RATE_HZ), SIZE, FRAMES, SEED)
 
 
-def _by_engine(frames: Sequence[Frame]) -> dict[int, Answer]:
+def _by_engine(frames: Sequence[Frame]) -> dict[int, StartAnswer]:
     stabilizer = make_stabilizer({})
     tracks = [track for frame in frames for track in stabilizer.answers(frame)] + stabilizer.finish()
-    return {track.stamp_ns: Answer(track.ref_H_cur, _sigma(track.sigma_px)) for track in tracks}
+    return {track.stamp_ns: StartAnswer(track.ref_H_cur, _sigma(track.sigma_px)) for track in tracks}
 
 
 def _sigma(told: float | str | None) -> float:
@@ -263,19 +257,19 @@ class Heard:
                 if not _PLAIN.fullmatch(remark):
                     self.remarks.setdefault(re.sub(r"[\d.]+", "", remark), remark)
 
-    def answers(self) -> dict[int, Answer]:
+    def answers(self) -> dict[int, StartAnswer]:
         """By stamp, the first to each."""
         sigmas = {read_stamp(cdr): _sigma(read_values(cdr)["sigma_px"]) for cdr in self.tracks}
-        found: dict[int, Answer] = {}
+        found: dict[int, StartAnswer] = {}
         for stamp_ns, H in map(read_homography, self.homographies):
-            found.setdefault(stamp_ns, Answer(H, sigmas.get(stamp_ns, math.nan)))
+            found.setdefault(stamp_ns, StartAnswer(H, sigmas.get(stamp_ns, math.nan)))
         return found
 
     def states(self) -> list[str]:
         return [read_values(cdr)["state"] for cdr in self.tracks]
 
 
-def fly(condition: Condition, stream: Stream, folder: Path, node: Node) -> tuple[Heard, str, float]:
+def fly(condition: Condition, stream: StartStream, folder: Path, node: Node) -> tuple[Heard, str, float]:
     """What is heard of a tracker under this condition, its log, and when it was started, s."""
     heard, bag, log, said = Heard(), folder / "stream.mcap", folder / "tracker.log", folder / "camera.log"
     stream.write(bag, condition)
@@ -306,7 +300,7 @@ def _spin(node: Node, done: Callable[[], bool], limit_s: float) -> None:
 
 # what came of it ------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class StartResult:
     """error_px: of every frame but the reference that was found. apart: from the engine's homographies."""
 
     frames: int
@@ -320,7 +314,7 @@ class Outcome:
     remarks: tuple[str, ...] = ()
 
     @staticmethod
-    def of(answers: Mapping[int, Answer], stream: Stream, frames: int, states: Sequence[str]) -> Outcome:
+    def of(answers: Mapping[int, StartAnswer], stream: StartStream, frames: int, states: Sequence[str]) -> StartResult:
         found = {stamp_ns: one.H for stamp_ns, one in sorted(answers.items()) if one.H is not None}
         reference_ns = next(iter(stream.truth))
         error_px = [rms_distance(H, stream.truth[stamp_ns], SIZE) for stamp_ns, H in found.items()
@@ -328,7 +322,7 @@ class Outcome:
         same = {stamp_ns: stream.engine[stamp_ns].H for stamp_ns in found}
         apart = [float(np.abs(found[stamp_ns] - H).max()) for stamp_ns, H in same.items() if H is not None]
         sigmas = [one.sigma_px for one in answers.values() if math.isfinite(one.sigma_px)]
-        return Outcome(frames, len(answers), states.count("TRACKED"), states.count("LOST"), error_px,
+        return StartResult(frames, len(answers), states.count("TRACKED"), states.count("LOST"), error_px,
                        max(apart, default=math.nan), float(np.median(sigmas)) if sigmas else math.nan)
 
     @property
@@ -362,22 +356,22 @@ def _ready_s(log: str, start_s: float) -> float:
     return float(found[1]) - start_s if found else math.nan
 
 
-def measure(names: Sequence[str]) -> dict[str, Outcome]:
+def measure(names: Sequence[str]) -> dict[str, StartResult]:
     """One after the other; first what the engine answers."""
-    stream = Stream.of(trap_flight())
+    stream = StartStream.of(trap_flight())
     states = ["LOST" if one.H is None else "TRACKED" for one in stream.engine.values()]
-    found = {"engine": Outcome.of(stream.engine, stream, FRAMES, states)}
+    found = {"engine": StartResult.of(stream.engine, stream, FRAMES, states)}
     if any(CONDITIONS[name].cache == "warm" for name in names):
         _measure(Condition(), stream)  # so that whatever it compiles is there
     return found | {name: _measure(CONDITIONS[name], stream) for name in tqdm(names, "starts", disable=None)}
 
 
-def _measure(condition: Condition, stream: Stream) -> Outcome:
+def _measure(condition: Condition, stream: StartStream) -> StartResult:
     node = rclpy.create_node("listener")
     with tempfile.TemporaryDirectory(dir=SHARED_MEMORY) as folder:
         heard, log, start_s = fly(condition, stream, Path(folder), node)
     node.destroy_node()
-    outcome, ready_s = Outcome.of(heard.answers(), stream, condition.frames, heard.states()), _ready_s(log, start_s)
+    outcome, ready_s = StartResult.of(heard.answers(), stream, condition.frames, heard.states()), _ready_s(log, start_s)
     if math.isnan(ready_s):
         print(f"never ready:\n{log}", file=sys.stderr)
     return replace(outcome, ready_s=ready_s, remarks=tuple(heard.remarks.values()))
@@ -396,7 +390,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rclpy.shutdown()
 
 
-def _report(found: Mapping[str, Outcome], path: Path | None) -> None:
+def _report(found: Mapping[str, StartResult], path: Path | None) -> None:
     title = f"Starts: {SIZE[0]}x{SIZE[1]} mono8, water that looks like ground at {SPEED_M_S:g} m/s"
     print(Table(title, _HEAD, [one.row(name) for name, one in found.items()], _NOTE).text())
     if path is not None:

@@ -29,7 +29,7 @@ _FAR = 3.0  # frame widths
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class GroundCourse:
     """error_px: of every frame but the reference, NaN while lost. sigma_px: likewise. doubt: odds, if any was told."""
 
     error_px: FloatArray
@@ -54,7 +54,7 @@ class Course:
                 "frames": len(self.error_px), "lost": self.lost, "doubt": self.doubt, "resets": self.resets}
 
 
-def fly(flight: Flight, values: Mapping[str, Value]) -> Course:
+def fly(flight: Flight, values: Mapping[str, Value]) -> GroundCourse:
     """Tracks a flight as the command does."""
     stabilizer, doubt = make_stabilizer(values), None
     error_px, sigma_px = (np.full(len(flight), math.nan) for _ in range(2))
@@ -66,7 +66,7 @@ def fly(flight: Flight, values: Mapping[str, Value]) -> Course:
             if track.ref_H_cur is not None and track.sigma_px is not None:
                 error_px[track.index] = rms_distance(track.ref_H_cur, flight.ref_H_cur(track.index), flight.size)
                 sigma_px[track.index] = track.sigma_px
-    return Course(error_px[1:], sigma_px[1:], doubt, stabilizer.reset_counter, _keyframes(stabilizer))
+    return GroundCourse(error_px[1:], sigma_px[1:], doubt, stabilizer.reset_counter, _keyframes(stabilizer))
 
 
 def _keyframes(stabilizer: Stabilizer) -> int:
@@ -106,13 +106,13 @@ def draw_map(flight: Flight) -> None:
     cv2.imwrite(str(PICTURE), np.hstack([plain, drawn])[::2, ::2])
 
 
-def _row(name: str, one: Course) -> tuple[str, ...]:
+def _row(name: str, one: GroundCourse) -> tuple[str, ...]:
     return (name, number(float(np.nanmedian(one.error_px)), 4), number(float(np.nanmax(one.error_px)), 4),
             number(float(np.nanmedian(one.sigma_px)), 4), number(100 * one.within_two, 0), str(len(one.error_px)),
             str(one.lost), "-" if one.doubt is None else f"{math.exp(one.doubt):.1f}", str(one.resets))
 
 
-def _traps(effort: Effort) -> dict[str, Course]:
+def _traps(effort: Effort) -> dict[str, GroundCourse]:
     found = {}
     for name, full in (("kolubara", (4096, 2160)), ("alpine", (3840, 2160))):
         size = full if effort.plots else (960, 540)
@@ -127,7 +127,7 @@ def _traps(effort: Effort) -> dict[str, Course]:
     return found
 
 
-def _flights(effort: Effort) -> dict[str, Course]:
+def _flights(effort: Effort) -> dict[str, GroundCourse]:
     scene, size = preset("basento"), HD
     frames = 900 if effort.plots else 60
     away = Pose(y_m=-0.45 * scene.ground_m[1])  # the lower bank leaves the picture for 200 frames
@@ -139,7 +139,7 @@ def _flights(effort: Effort) -> dict[str, Course]:
     }
 
 
-def _traverses(effort: Effort) -> dict[str, Course]:
+def _traverses(effort: Effort) -> dict[str, GroundCourse]:
     found, size = {}, (1280, 720) if effort.plots else (480, 270)
     for name in ("kolubara", "alpine", "basento"):
         scene = preset(name)

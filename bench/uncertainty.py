@@ -27,7 +27,7 @@ Spoil = Callable[[Gray], Gray]
 
 
 @dataclass(frozen=True)
-class Sample:
+class ErrorSample:
     """One flight. spoil: what is done to every picture but the first. half: that is excluded, 0 upper, 1 lower."""
 
     name: str
@@ -60,26 +60,26 @@ def _moved(picture: Gray) -> Gray:
 
 
 SEQUENCES = (
-    *(Sample(f"{name}, seed {seed}", name, seed=seed) for name in ("kolubara", "alpine", "basento")
+    *(ErrorSample(f"{name}, seed {seed}", name, seed=seed) for name in ("kolubara", "alpine", "basento")
       for seed in (1, 2, 3)),
-    *(Sample(f"{name}, 480x270", name, (480, 270), 11) for name in ("kolubara", "alpine")),
-    *(Sample(f"{name}, 1920x1080", name, HD, 4) for name in ("kolubara", "alpine", "basento")),
-    Sample("kolubara, 4096x2160", size=UHD, seed=5),
-    *(Sample(f"{name}, noise {noise:g}", name, noise=noise, seed=6) for name in ("kolubara", "alpine")
+    *(ErrorSample(f"{name}, 480x270", name, (480, 270), 11) for name in ("kolubara", "alpine")),
+    *(ErrorSample(f"{name}, 1920x1080", name, HD, 4) for name in ("kolubara", "alpine", "basento")),
+    ErrorSample("kolubara, 4096x2160", size=UHD, seed=5),
+    *(ErrorSample(f"{name}, noise {noise:g}", name, noise=noise, seed=6) for name in ("kolubara", "alpine")
       for noise in (0.0, 6.0)),
-    *(Sample(f"{name}, {what}", name, spoil=spoil, seed=7) for name in ("kolubara", "alpine") for what, spoil in
+    *(ErrorSample(f"{name}, {what}", name, spoil=spoil, seed=7) for name in ("kolubara", "alpine") for what, spoil in
       (("fog", _fog), ("JPEG 85", _jpeg), ("soft", _soft), ("motion blur 9 px", _moved))),
-    *(Sample(f"{name}, 100 patches", name, seed=8, values={"direct.patches": 100, "start_s": 0.0})
+    *(ErrorSample(f"{name}, 100 patches", name, seed=8, values={"direct.patches": 100, "start_s": 0.0})
       for name in ("kolubara", "alpine", "basento")),
-    *(Sample(f"{name}, one bank", name, seed=9, half=half)
+    *(ErrorSample(f"{name}, one bank", name, seed=9, half=half)
       for name, half in (("kolubara", 0), ("kolubara", 1), ("alpine", 1), ("basento", 1))),
-    *(Sample(f"{still} as banks", name, seed=10, still=still)
+    *(ErrorSample(f"{still} as banks", name, seed=10, still=still)
       for name, still in (("kolubara", "IMG_9354.jpg"), ("basento", "DJI_0025.JPG"))),
 )
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class UncertaintyCourse:
     """One run: error and sigma of every tracked frame, px, and how far out the corners are, chi-square."""
 
     name: str
@@ -102,7 +102,7 @@ class Course:
         return float(np.mean(self.corner_chi2 <= _CHI2_2_95))
 
 
-def fly(one: Sample, frames: int) -> Course:
+def fly(one: ErrorSample, frames: int) -> UncertaintyCourse:
     """Tracks one sequence."""
     flight = _flight(one, frames)
     stabilizer = make_stabilizer({**one.values, **_area(one)})
@@ -118,22 +118,22 @@ def fly(one: Sample, frames: int) -> Course:
         errors.append(rms_distance(track.ref_H_cur, true, one.size))
         sigmas.append(track.sigma_px)
         corners.append(_corner_chi2(track.ref_H_cur, true, track.covariance, one.size))
-    return Course(one.name, np.array(errors), np.array(sigmas), np.array(corners), lost)
+    return UncertaintyCourse(one.name, np.array(errors), np.array(sigmas), np.array(corners), lost)
 
 
-def _flight(one: Sample, frames: int) -> Flight:
+def _flight(one: ErrorSample, frames: int) -> Flight:
     still = cv2.imread(str(STILLS / one.still), cv2.IMREAD_GRAYSCALE) if one.still else None
     scene, banks = replace(preset(one.preset), noise_levels=one.noise), None if still is None else np.asarray(still)
     return Flight(scene, size=one.size, frames=frames, seed=one.seed, still=banks)
 
 
-def _frames(one: Sample, flight: Flight) -> Iterator[Frame]:
+def _frames(one: ErrorSample, flight: Flight) -> Iterator[Frame]:
     for shot in tqdm(flight, one.name, disable=None, leave=False):
         image = shot.image if one.spoil is None or shot.index == 0 else one.spoil(shot.image)
         yield Frame(image, "mono8", shot.stamp_ns)
 
 
-def _area(one: Sample) -> dict[str, Value]:
+def _area(one: ErrorSample) -> dict[str, Value]:
     if one.half is None:
         return {}
     (width, height), middle = one.size, one.size[1] // 2
@@ -167,19 +167,19 @@ def measure(effort: Effort) -> Section:
     return Section("Uncertainty", [Table("Coverage", head, rows, note)], data)
 
 
-def _together(courses: Sequence[Course]) -> Course:
-    return Course("all", np.concatenate([one.error_px for one in courses]),
+def _together(courses: Sequence[UncertaintyCourse]) -> UncertaintyCourse:
+    return UncertaintyCourse("all", np.concatenate([one.error_px for one in courses]),
                   np.concatenate([one.sigma_px for one in courses]),
                   np.concatenate([one.corner_chi2 for one in courses]), sum(one.lost for one in courses))
 
 
-def _row(one: Course) -> tuple[str, ...]:
+def _row(one: UncertaintyCourse) -> tuple[str, ...]:
     return (one.name, number(float(np.median(one.error_px)), 4), number(float(np.median(one.sigma_px)), 4),
             number(float(np.median(one.ratio)), 2), number(100 * one.within_two, 0), number(100 * one.corners, 0),
             str(one.lost))
 
 
-def plot(courses: Sequence[Course], path: Path) -> None:
+def plot(courses: Sequence[UncertaintyCourse], path: Path) -> None:
     """Error against sigma of every frame, and the share of frames within so many sigmas."""
     import matplotlib
 

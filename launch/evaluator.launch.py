@@ -1,4 +1,4 @@
-"""The evaluator on one camera's stabilised stream.
+"""Starts the evaluator on the stabilised stream of one camera.
 
 ros2 launch stab_ros evaluator.launch.py namespace:=/camera [config:=my.yaml] [image:=/camera/image_stabilized]
 """
@@ -15,9 +15,9 @@ def generate_launch_description() -> LaunchDescription:
     """One node, in the camera's namespace."""
     config = PathJoinSubstitution([FindPackageShare("stab_ros"), "config", "evaluator.yaml"])
     return LaunchDescription([
-        DeclareLaunchArgument("namespace", default_value="/camera", description="of the camera"),
-        DeclareLaunchArgument("image", default_value="image_stabilized", description="the stabilised images' topic"),
-        DeclareLaunchArgument("config", default_value=config, description="parameters of the evaluator"),
+        DeclareLaunchArgument("namespace", default_value="/camera", description="Namespace of the camera"),
+        DeclareLaunchArgument("image", default_value="image_stabilized", description="Topic of the stabilised images"),
+        DeclareLaunchArgument("config", default_value=config, description="Parameter file of the evaluator"),
         Node(
             package="stab_ros",
             executable="evaluator_node",

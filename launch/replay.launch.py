@@ -1,4 +1,4 @@
-"""A recorded flight through the live tracker, and the evaluator, into a new bag; every frame is answered.
+"""Plays a recorded flight through the live tracker and the evaluator into a new bag; every frame is tracked.
 
 ros2 launch stab_ros replay.launch.py bag:=flight.mcap output:=stabilized.mcap [namespace:=/camera] [rate:=1.0]
     [evaluate:=true]
@@ -14,15 +14,15 @@ from launch import LaunchDescription
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Tracker, evaluator, recorder and player; tracker and player wait for those that listen to them."""
+    """Tracker, evaluator, recorder and player; tracker and player wait for their subscribers."""
     namespace = LaunchConfiguration("namespace")
     evaluate = LaunchConfiguration("evaluate")
-    listeners = PythonExpression(["2 if '", evaluate, "'.lower() in ('true', '1') else 1"])
+    subscribers = PythonExpression(["2 if '", evaluate, "'.lower() in ('true', '1') else 1"])
     tracker = Node(
         package="stab_ros",
         executable="tracker_node",
         namespace=namespace,
-        parameters=[{"queue_depth": 0, "wait_for_subscribers": ParameterValue(listeners, value_type=int)}],
+        parameters=[{"queue_depth": 0, "wait_for_subscribers": ParameterValue(subscribers, value_type=int)}],
         output="screen",
     )
     evaluator = Node(
@@ -54,11 +54,11 @@ def generate_launch_description() -> LaunchDescription:
         output="screen",
     )
     return LaunchDescription([
-        DeclareLaunchArgument("bag", description="the recording: an .mcap, a rosbag2 folder or a ROS 1 .bag"),
-        DeclareLaunchArgument("output", description="the .mcap to write; end with Ctrl-C once all frames are answered"),
-        DeclareLaunchArgument("namespace", default_value="/camera", description="of the recorded camera"),
-        DeclareLaunchArgument("rate", default_value="1.0", description="times real time"),
-        DeclareLaunchArgument("evaluate", default_value="true", description="whether the evaluator judges it"),
+        DeclareLaunchArgument("bag", description="Recording: an .mcap, a rosbag2 folder or a ROS 1 .bag"),
+        DeclareLaunchArgument("output", description="The .mcap to write; end with Ctrl-C once all frames are tracked"),
+        DeclareLaunchArgument("namespace", default_value="/camera", description="Namespace of the recorded camera"),
+        DeclareLaunchArgument("rate", default_value="1.0", description="Playback speed relative to real time"),
+        DeclareLaunchArgument("evaluate", default_value="true", description="Whether to start the evaluator"),
         tracker,
         evaluator,
         recorder,

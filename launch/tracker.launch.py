@@ -1,4 +1,4 @@
-"""The tracker on one camera.
+"""Starts the tracker on one camera.
 
 ros2 launch stab_ros tracker.launch.py namespace:=/camera [config:=my.yaml] [image:=/camera/image_raw]
 """
@@ -15,9 +15,9 @@ def generate_launch_description() -> LaunchDescription:
     """One node, in the camera's namespace."""
     config = PathJoinSubstitution([FindPackageShare("stab_ros"), "config", "tracker.yaml"])
     return LaunchDescription([
-        DeclareLaunchArgument("namespace", default_value="/camera", description="of the camera"),
-        DeclareLaunchArgument("image", default_value="image_raw", description="the camera's image topic"),
-        DeclareLaunchArgument("config", default_value=config, description="parameters of the tracker"),
+        DeclareLaunchArgument("namespace", default_value="/camera", description="Namespace of the camera"),
+        DeclareLaunchArgument("image", default_value="image_raw", description="Image topic of the camera"),
+        DeclareLaunchArgument("config", default_value=config, description="Parameter file of the tracker"),
         Node(
             package="stab_ros",
             executable="tracker_node",

@@ -1,4 +1,4 @@
-"""A tracker for each of two cameras.
+"""Starts a tracker for each of two cameras.
 
 ros2 launch stab_ros two_cameras.launch.py first:=/left second:=/right
 """
@@ -14,8 +14,8 @@ def generate_launch_description() -> LaunchDescription:
     """`tracker.launch.py` twice."""
     tracker = PathJoinSubstitution([FindPackageShare("stab_ros"), "launch", "tracker.launch.py"])
     return LaunchDescription([
-        DeclareLaunchArgument("first", default_value="/left", description="namespace of a camera"),
-        DeclareLaunchArgument("second", default_value="/right", description="namespace of the other camera"),
+        DeclareLaunchArgument("first", default_value="/left", description="Namespace of the first camera"),
+        DeclareLaunchArgument("second", default_value="/right", description="Namespace of the second camera"),
         *(
             IncludeLaunchDescription(tracker, launch_arguments={"namespace": LaunchConfiguration(name)}.items())
             for name in ("first", "second")

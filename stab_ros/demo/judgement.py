@@ -15,7 +15,8 @@ from stab_ros.demo.stages import bar
 from stab_ros.evaluation.frame_metrics import UNITS
 from stab_ros.evaluation.results import Evaluation, TopicEvaluation
 from stab_ros.io.bag import open_bag
-from stab_ros.io.messages import read_stamp, read_values
+from stab_ros.io.cdr import read_stamp
+from stab_ros.io.diagnostics_message import read_values
 from stab_ros.jobs.evaluate import EvaluationJob, evaluate
 from stab_ros.jobs.evaluate_outputs import writers_of
 from stab_ros.jobs.result_outputs import ResultOutputs

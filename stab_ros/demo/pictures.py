@@ -12,7 +12,8 @@ from stab_ros.core.errors import WorkError
 from stab_ros.core.types import FloatArray, Frame, Image
 from stab_ros.demo.replay import STABILIZED
 from stab_ros.io.bag import open_bag
-from stab_ros.io.messages import IMAGE, read_image
+from stab_ros.io.cdr import IMAGE
+from stab_ros.io.image_message import read_image
 from stab_ros.io.source import open_source
 from stab_ros.io.video_writer import VideoWriter
 

@@ -12,8 +12,11 @@ from stab_ros.core.geometry import rms_distance
 from stab_ros.core.types import FloatArray, Homography, State, Track
 from stab_ros.demo.replay import HOMOGRAPHY, STABILIZED, TRACK
 from stab_ros.io.bag import open_bag
+from stab_ros.io.camera_message import read_size
+from stab_ros.io.cdr import read_stamp
+from stab_ros.io.diagnostics_message import read_values
 from stab_ros.io.homographies import HomographyRow, HomographyWriter
-from stab_ros.io.messages import read_homography, read_size, read_stamp, read_values
+from stab_ros.io.homography_message import read_homography
 from stab_ros.tracking.settings import StabilizerConfig
 
 _START_NS = round(StabilizerConfig().start_s * 1e9)

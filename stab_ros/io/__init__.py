@@ -1,1 +1,1 @@
-"""Bags, videos, folders of images and messages as CDR bytes; knows the core, not ROS."""
+"""Bags, videos, folders of images, files of parameters and messages as CDR bytes; without ROS processes."""

@@ -1,4 +1,4 @@
-"""Recordings: opened whatever their format, written as MCAP."""
+"""Recordings: read in every supported format, written as MCAP."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KINDS = "an .mcap, a rosbag2 folder or a ROS 1 .bag"
 
 @contextmanager
 def open_bag(path: Path) -> Iterator[BagReader]:
-    """A recording of any kind we read; a damaged MCAP gives what is readable, and warnings.
+    """Opens a recording of any supported format; a damaged MCAP gives what is readable, and warnings.
 
     Raises:
         InputError: missing, none of our kinds, or damaged beyond reading.
@@ -43,7 +43,7 @@ def _reader_of(path: Path) -> McapReader | RosbagsReader:
     if path.is_dir():
         return _folder_reader(path)
     name = path.name.lower()
-    if name.endswith((".mcap", ".mcap.partial")):  # the latter is what work that broke off leaves
+    if name.endswith((".mcap", ".mcap.partial")):  # the latter is left when writing was interrupted
         return McapReader([path])
     if name.endswith((".bag", ".db3")):
         if path.stat().st_size == 0:
@@ -53,7 +53,7 @@ def _reader_of(path: Path) -> McapReader | RosbagsReader:
 
 
 def _folder_reader(folder: Path) -> McapReader | RosbagsReader:
-    """Plain MCAP files we read ourselves, as they may be damaged; all other rosbag2 folders go through rosbags."""
+    """Uncompressed MCAP files are read by `McapReader`, as they may be damaged; other rosbag2 folders by rosbags."""
     found = sorted(folder.glob("*.mcap"))
     metadata = _metadata_of(folder)
     if metadata.get("compression_mode", "").lower() not in ("", "none") or (metadata and not found):
@@ -68,7 +68,7 @@ def _folder_reader(folder: Path) -> McapReader | RosbagsReader:
 
 
 def _metadata_of(folder: Path) -> dict[str, Any]:
-    """What metadata.yaml says, empty where it is missing or damaged (a killed recorder leaves none)."""
+    """The content of metadata.yaml; empty if it is missing or damaged (a killed recorder leaves none)."""
     try:
         with (folder / "metadata.yaml").open(encoding="utf-8") as file:
             text = file.read(_METADATA_LIMIT + 1)

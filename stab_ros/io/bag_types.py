@@ -1,4 +1,4 @@
-"""What a recording holds, whatever its format."""
+"""The content of a recording, independent of its format."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from stab_ros.core.errors import InputError
-from stab_ros.io.messages import typestore
+from stab_ros.io.cdr import typestore
 
 
 @dataclass(frozen=True)

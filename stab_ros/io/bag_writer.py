@@ -18,9 +18,9 @@ from stab_ros.core.errors import InputError, WorkError
 from stab_ros.io.bag_types import Topic
 from stab_ros.io.mcap_records import MAGIC
 
-_CHUNK_BYTES = 2**20  # a chunk is closed once it holds more: a picture is a chunk of its own
+_CHUNK_BYTES = 2**20  # a chunk is closed once it holds more: each image is its own chunk
 _CHUNK_SECONDS = 1.0  # a killed recorder loses no more than this
-_NEVER = 2**62  # we close the chunks, the library does not
+_NEVER = 2**62  # chunks are closed here, not by the library
 _TIME_END = 2**64
 
 
@@ -43,10 +43,10 @@ class BagWriter:
         self._pending_bytes = 0
         self._chunk_since = time.monotonic()
         self._file = _open(path, self.partial, overwrite)
-        self._sound_end = 0
-        # Not compressed: on camera pictures lz4 saves 0 to 23 % and takes 0.6 to 2.4 ms/MB, zstd 7 to 40 % and 1.5 to
+        self._intact_end = 0
+        # Not compressed: on camera images lz4 saves 0 to 23 % and takes 0.6 to 2.4 ms/MB, zstd 7 to 40 % and 1.5 to
         # 7 ms/MB, where writing takes 0.3 to 1 ms/MB: a 4K frame would cost a third of its time at 25 Hz.
-        stream = cast(IO[bytes], _Stream(self._file))  # has the three methods that Writer uses
+        stream = cast(IO[bytes], _UnbufferedFile(self._file))  # has the three methods that Writer uses
         self._writer = Writer(stream, chunk_size=_NEVER, compression=CompressionType.NONE)
         self._start()
 
@@ -81,7 +81,7 @@ class BagWriter:
                 topic.name, topic.encoding, self._schema_of(topic), metadata)
 
     def write(self, topic: str, log_time_ns: int, publish_time_ns: int, data: bytes) -> None:
-        """A message of a topic that was announced.
+        """Writes a message of a topic that was announced.
 
         Raises:
             InputError: a time is negative or beyond 64 bits.
@@ -95,7 +95,7 @@ class BagWriter:
             self.flush_chunk()
 
     def flush_chunk(self) -> None:
-        """Closes the chunk: what was written so far survives whatever happens to this process.
+        """Closes the chunk: what was written so far survives the end of this process.
 
         Raises:
             WorkError: the disk is full or gone.
@@ -104,8 +104,8 @@ class BagWriter:
             self._writer.flush()
         except OSError as error:
             raise self._broken(error) from error
-        self._check_place()
-        self._sound_end = self._file.tell()
+        self._check_not_moved()
+        self._intact_end = self._file.tell()
         self._pending_bytes = 0
         self._chunk_since = time.monotonic()
 
@@ -130,7 +130,7 @@ class BagWriter:
             self._file.close()
             self.partial.unlink(missing_ok=True)
             raise WorkError(f"{self.path}: cannot be written: {error.strerror}") from error
-        self._sound_end = self._file.tell()
+        self._intact_end = self._file.tell()
 
     def _schema_of(self, topic: Topic) -> int:
         """The id of the topic's definition; 0 stands for none."""
@@ -150,15 +150,15 @@ class BagWriter:
         except OSError as error:
             raise self._broken(error) from error
 
-    def _check_place(self) -> None:
-        """A file that was deleted or moved under us still takes all bytes, and says nothing."""
+    def _check_not_moved(self) -> None:
+        """A file that was deleted or moved meanwhile still accepts all bytes, without an error."""
         try:
-            there = os.path.samestat(self.partial.stat(), os.fstat(self._file.fileno()))
+            in_place = os.path.samestat(self.partial.stat(), os.fstat(self._file.fileno()))
         except OSError:
-            there = False
-        if not there:
-            self._sound_end = self._file.tell()
-            self._cut_back()  # who has moved it finds a whole file
+            in_place = False
+        if not in_place:
+            self._intact_end = self._file.tell()
+            self._cut_back()  # so that the moved file is whole
             raise WorkError(f"{self.partial}: was deleted or moved while it was written, what it held went with it; "
                             "the folder of a recording must stay")
 
@@ -172,13 +172,13 @@ class BagWriter:
         DataEnd(data_section_crc=0).write(tail)
         Footer(summary_start=0, summary_offset_start=0, summary_crc=0).write(tail)
         with suppress(OSError), self._file:  # the disk may be gone for good; then whole chunks stay without a tail
-            self._file.truncate(self._sound_end)
-            self._file.seek(self._sound_end)
+            self._file.truncate(self._intact_end)
+            self._file.seek(self._intact_end)
             self._file.write(tail.end() + MAGIC)
 
 
-class _Stream:
-    """Unbuffered, so that bytes that found no room are reported at once and never written later."""
+class _UnbufferedFile:
+    """Unbuffered, so that a full disk is reported at once and no bytes are written later."""
 
     def __init__(self, file: FileIO) -> None:
         self._file = file
@@ -193,7 +193,7 @@ class _Stream:
         return self._file.tell()
 
     def flush(self) -> None:
-        """Nothing is held back."""
+        """Nothing is buffered."""
 
 
 def _open(path: Path, partial: Path, overwrite: bool) -> FileIO:

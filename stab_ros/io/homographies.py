@@ -17,7 +17,7 @@ import numpy as np
 from stab_ros.core.errors import InputError, WorkError
 from stab_ros.core.text import number, one_line
 from stab_ros.core.types import Homography, State, Track
-from stab_ros.io.points import table_rows
+from stab_ros.io.csv_rows import csv_rows
 
 ELEMENTS = tuple(f"h{row}{column}" for row in range(3) for column in range(3))
 COLUMNS = ("frame", "stamp_ns", "status", *ELEMENTS)
@@ -34,7 +34,7 @@ class HomographyRow:
 
 
 class HomographyWriter:
-    """Writes H.csv row by row; every row is on its way to the disk before the next frame is worked on.
+    """Writes H.csv row by row; every row is flushed before the next frame is processed.
 
     Raises:
         WorkError: the file cannot be written (any method).
@@ -49,7 +49,7 @@ class HomographyWriter:
         self._write((*COLUMNS, *TRACK_COLUMNS))
 
     def write(self, frame: int, track: Track) -> None:
-        """`frame`: its number in the input, from 0, pictures that cannot be decoded included."""
+        """`frame`: its number in the input, from 0, images that cannot be decoded included."""
         self._write(_cells(frame, track))
 
     def close(self) -> None:
@@ -94,7 +94,7 @@ def read_homographies(path: Path) -> list[HomographyRow]:
     """
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            rows = table_rows(file, COLUMNS)
+            rows = csv_rows(file, COLUMNS)
             missing = next(rows)[1]
             if missing:
                 raise InputError(f"{path}: no column {missing[0]}; the header must begin with {','.join(COLUMNS)}")

@@ -11,7 +11,8 @@ from typing import NamedTuple
 from stab_ros.core.errors import InputError
 from stab_ros.core.text import one_line
 from stab_ros.io.bag_types import Message, Topic
-from stab_ros.io.mcap_file import Block, McapFile
+from stab_ros.io.mcap_contents import Block, McapContents
+from stab_ros.io.mcap_file import McapFile
 from stab_ros.io.mcap_records import RecordedMessage
 
 _BEFORE_ALL = -1
@@ -37,7 +38,7 @@ class McapReader:
     def __init__(self, paths: list[Path], warnings: Iterable[str] = ()) -> None:
         self._extra_warnings = list(warnings)
         self._files = self._opened(paths)
-        spans = [file.span_ns for file in self._files if file.span_ns is not None]
+        spans = [file.contents.span_ns for file in self._files if file.contents.span_ns is not None]
         self.start_ns = min((start_ns for start_ns, _ in spans), default=0)
         self.end_ns = max((end_ns for _, end_ns in spans), default=0)
         self.topics: dict[str, Topic] = {}
@@ -71,7 +72,7 @@ class McapReader:
             _in_order(file, number, block, wanted)
             for number, (file, names) in enumerate(zip(self._files, self._names, strict=True))
             for wanted in [{cid for cid, name in names.items() if topics is None or name in topics}]
-            for block in file.blocks
+            for block in file.contents.blocks
             if not block.channel_ids or block.channel_ids & wanted
         ]
         for due in heapq.merge(*streams):
@@ -81,8 +82,8 @@ class McapReader:
 
     def _take_topics(self, file: McapFile) -> dict[int, str]:
         names: dict[int, str] = {}
-        for channel_id in sorted(file.channels):
-            topic = _topic_of(file, channel_id)
+        for channel_id in sorted(file.contents.channels):
+            topic = _topic_of(file.contents, channel_id)
             known = self.topics.get(topic.name, replace(topic, count=0))
             if (known.msgtype, known.encoding) != (topic.msgtype, topic.encoding):
                 what = one_line(f"{topic.name} holds {known.msgtype} and {topic.msgtype}")
@@ -90,19 +91,20 @@ class McapReader:
                 continue
             self.topics[topic.name] = replace(known, count=known.count + topic.count)
             names[channel_id] = topic.name
-        nameless = sum(file.counts[channel_id] for channel_id in file.counts.keys() - file.channels.keys())
+        counts, channels = file.contents.counts, file.contents.channels
+        nameless = sum(counts[channel_id] for channel_id in counts.keys() - channels.keys())
         if nameless:
             self._extra_warnings.append(f"{file.path}: {nameless} messages of unknown topic are left out")
         return names
 
 
-def _topic_of(file: McapFile, channel_id: int) -> Topic:
-    channel = file.channels[channel_id]
-    schema = file.schemas.get(channel.schema_id)
+def _topic_of(contents: McapContents, channel_id: int) -> Topic:
+    channel = contents.channels[channel_id]
+    schema = contents.schemas.get(channel.schema_id)
     return Topic(
         name=channel.topic,
         msgtype="" if schema is None else schema.name,
-        count=file.counts[channel_id],
+        count=contents.counts[channel_id],
         definition="" if schema is None else schema.data.decode(errors="surrogateescape"),
         qos=channel.metadata.get("offered_qos_profiles", ""),
         encoding=channel.message_encoding,

@@ -1,4 +1,4 @@
-"""Records of an MCAP file, read defensively: no size is believed before it is checked (https://mcap.dev/spec)."""
+"""Records of an MCAP file, read defensively: no size is trusted before it is checked (https://mcap.dev/spec)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NO_OPCODE = 0
 RECORD_LIMIT = 100 * 2**20  # bytes of one record or chunk, unpacked: an 8K frame in bgr8 has 99.5 million
 _PIECE = 2**14  # bytes that are decompressed at a time, 255 times as many come out
 _MOST_MESSAGES = 2**20  # in a block: a thousand times what a second holds
-WINDOW_LIMIT = 2**25  # bytes that zstd may look back; its level 19 asks for 2**23
+WINDOW_LIMIT = 2**25  # bytes of history that zstd may refer to; its level 19 asks for 2**23
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _CHUNK_HEAD = struct.Struct("<QQQII")  # first and last log time, unpacked size, CRC, length of the compression's name
 PLAIN_START = RECORD_HEAD.size + _CHUNK_HEAD.size + 8  # of the records in a chunk that is not compressed
@@ -41,7 +41,7 @@ _DAMAGE = (McapError, struct.error, ValueError, RuntimeError, EOFError, MemoryEr
 
 
 class DamagedError(Exception):
-    """These bytes are not what they claim to be; says what, for a warning."""
+    """Damaged bytes; the text completes a warning."""
 
 
 class RecordedMessage(NamedTuple):
@@ -96,7 +96,7 @@ def split(data: memoryview) -> Iterator[tuple[int, int, int]]:
         at += length
 
 
-class Places:
+class MessageOffsets:
     """Where messages lie in a block, a dozen bytes for each: a chunk may hold a million of them."""
 
     def __init__(self) -> None:
@@ -134,7 +134,7 @@ class Places:
 
 
 def message_at(data: memoryview, start: int) -> RecordedMessage:
-    """The message record whose body begins there, as `Places` has it."""
+    """The message record whose body begins there, as `MessageOffsets` has it."""
     _, length = RECORD_HEAD.unpack_from(data, start - RECORD_HEAD.size)
     channel_id, _, log_time, publish_time = _MESSAGE_HEAD.unpack_from(data, start)
     end = start + length
@@ -171,7 +171,7 @@ def unpacked(chunk: memoryview) -> memoryview:
 
 
 def _decompressed(packed: memoryview, compression: str, size: int) -> memoryview:
-    """Not much more than `size` bytes, so that no bomb goes off."""
+    """At most slightly more than `size` bytes, whatever a decompression bomb claims."""
     if size > RECORD_LIMIT:
         raise DamagedError(f"claims {size} bytes")
     match compression:

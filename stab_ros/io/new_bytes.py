@@ -1,4 +1,4 @@
-"""Bytes that are filled after they were made: a picture goes straight into its message, without another copy."""
+"""Bytes objects that are filled after their creation, so that an image is written into its message without a copy."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import ctypes
 import numpy as np
 from numpy.typing import NDArray
 
-# The C API's own way: bytes made of NULL are to be filled before anyone else sees them.
+# As the C API defines it: bytes that are created from NULL must be filled before other code sees them.
 _make = ctypes.pythonapi.PyBytes_FromStringAndSize
 _make.restype, _make.argtypes = ctypes.py_object, (ctypes.c_char_p, ctypes.c_ssize_t)
 _address_of = ctypes.pythonapi.PyBytes_AsString

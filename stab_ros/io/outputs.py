@@ -1,4 +1,4 @@
-"""Tables and videos that appear under their final name only when they are complete (`BagWriter` does so by itself)."""
+"""Tables and videos that get their final name only when they are complete (as `BagWriter` does)."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from stab_ros.core.errors import InputError, WorkError
-from stab_ros.io.source import Kind, kind_of
+from stab_ros.io.input_kind import Kind, kind_of
 
 
 def check_output(path: Path, suffix: str, source: Path, force: bool) -> None:
-    """Refuses, before any work, what must not or cannot become an output file.
+    """Checks, before any work, that `path` can become an output file.
 
     Raises:
         InputError: wrong suffix, exists (without `force`), is part of the input, or has no folder to stand in.
@@ -29,19 +29,19 @@ def check_output(path: Path, suffix: str, source: Path, force: bool) -> None:
 
 
 def _within(path: Path, source: Path) -> bool:
-    """A bag in a folder must not be written into; next to images there is room."""
+    """No output may be written into the folder of a bag; beside the images of a folder it may."""
     inside = source.resolve() in path.resolve().parents and source.is_dir() and kind_of(source) is Kind.BAG
     return inside or path.resolve() == source.resolve()
 
 
 def partial_of(path: Path) -> Path:
-    """Where the work is done: `OUTPUT.mcap.partial`, but `V.partial.mp4` (FFmpeg goes by the suffix)."""
+    """The name until completion: `OUTPUT.mcap.partial`, but `V.partial.mp4` (FFmpeg goes by the suffix)."""
     return path.with_suffix(".partial.mp4") if path.suffix == ".mp4" else path.with_name(path.name + ".partial")
 
 
 @contextmanager
 def completed(path: Path) -> Iterator[Path]:
-    """Gives the path to write to; renamed to `path` at the end, removed on bad input, left alone when work breaks off.
+    """Yields the path to write to; renamed to `path` at the end, removed on bad input, kept on any other error.
 
     Raises:
         InputError: nothing can be written in this folder.

@@ -1,4 +1,4 @@
-"""Points that the user names, in reference pixels: a CSV `name,x,y`, or JSON [[x, y], ...]."""
+"""Points from the user, in reference pixels: a CSV `name,x,y`, or JSON [[x, y], ...]."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ import csv
 import json
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from stab_ros.core.settings import Value
 from stab_ros.core.text import one_line
 from stab_ros.core.types import NO_POINTS, FloatArray
 from stab_ros.evaluation.settings import NamedPoint
+from stab_ros.io.csv_rows import csv_rows
 
 COLUMNS = ("name", "x", "y")
 _MAX_POINTS = 100_000
@@ -60,7 +60,7 @@ def read_points(path: Path) -> tuple[NamedPoint, ...]:
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = table_rows(file, COLUMNS, skipinitialspace=True)
+            rows = csv_rows(file, COLUMNS, skipinitialspace=True)
             missing = next(rows)[1]
             if missing:
                 raise InputError(f"{path}: no column {missing[0]}; the first line must be {','.join(COLUMNS)}")
@@ -71,22 +71,6 @@ def read_points(path: Path) -> tuple[NamedPoint, ...]:
         raise InputError(f"{path}: not a table of points, it must be a .csv with {','.join(COLUMNS)}") from error
     _check(path, [name for name, _, _ in points])
     return points
-
-
-def table_rows(
-    file: IO[str], columns: Sequence[str], skipinitialspace: bool = False
-) -> Iterator[tuple[int, list[str]]]:
-    """First the columns that the CSV lacks; then of every row its last line and the cells of these columns.
-
-    What a row lacks is "". Other columns cost nothing, however many there are.
-    """
-    table = csv.reader(file, strict=True, skipinitialspace=skipinitialspace)
-    at = {name: column for column, name in enumerate(next(table, []))}
-    yield 1, [name for name in columns if name not in at]
-    places = [at[name] for name in columns]
-    for cells in table:
-        if cells:
-            yield table.line_num, [cells[place] if place < len(cells) else "" for place in places]
 
 
 def _point(path: Path, line: int, cells: Sequence[str]) -> NamedPoint:

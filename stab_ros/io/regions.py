@@ -11,7 +11,7 @@ import numpy as np
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.region import Area, Region
 from stab_ros.core.settings import Value
-from stab_ros.io.pixels import MAX_DECODED, decode_file
+from stab_ros.io.compressed_image import MAX_DECODED, decode_file
 
 _MAX_CORNERS = 2000  # of all polygons: whether sides cross is asked of every pair
 _MAX_TEXT = 2**20  # characters

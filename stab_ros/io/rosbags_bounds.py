@@ -1,4 +1,4 @@
-"""The readers of rosbags, with bounds on what a small file may unpack to: no bomb goes off."""
+"""The readers of rosbags, with limits on decompression, against decompression bombs."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ _WINDOW: dict[int, int] = {zstd.DecompressionParameter.window_log_max: WINDOW_LI
 
 
 class TooLargeError(ValueError):
-    """More would be unpacked than any honest recording holds."""
+    """More would be unpacked than any regular recording holds."""
 
 
-class _Stream(Protocol):
+class _Decompressor(Protocol):
     """What bz2, lz4 and zstd have in common."""
 
     @property
@@ -53,7 +53,7 @@ class _Stream(Protocol):
     def decompress(self, data: bytes, max_length: int) -> bytes: ...
 
 
-def unpacked(stream: _Stream, packed: bytes, limit: int = UNPACKED_LIMIT) -> bytes:
+def unpacked(stream: _Decompressor, packed: bytes, limit: int = UNPACKED_LIMIT) -> bytes:
     """The one compressed stream that `packed` is, at most `limit` bytes.
 
     Raises:
@@ -166,14 +166,14 @@ def _check_files(folder: Path) -> None:
         if path.exists() and not path.is_file():
             raise Reader2Error(f"{path.name!r} is no file")
     if metadata.get("compression_mode", "").lower() == "file":
-        room = shutil.disk_usage(tempfile.gettempdir()).free // 2
+        free = shutil.disk_usage(tempfile.gettempdir()).free // 2
         for path in paths:
-            room -= _unpacked_size(path, room) if path.exists() else 0
+            free -= _unpacked_size(path, free) if path.exists() else 0
 
 
-def _unpacked_size(path: Path, room: int) -> int:
-    """How many bytes a compressed file holds, found by unpacking it into nowhere."""
-    limit, size = min(room, max(UNPACKED_LIMIT, FILE_FACTOR * path.stat().st_size)), 0
+def _unpacked_size(path: Path, free: int) -> int:
+    """The decompressed size of a file, found by decompressing it without keeping the bytes."""
+    limit, size = min(free, max(UNPACKED_LIMIT, FILE_FACTOR * path.stat().st_size)), 0
     with zstd.open(path, "rb") as file:
         while piece := file.read(_STEP):
             size += len(piece)

@@ -23,7 +23,7 @@ from ruamel.yaml.error import YAMLError
 from stab_ros.core.errors import InputError
 from stab_ros.core.text import one_line
 from stab_ros.io.bag_types import Message, Topic, topic_of
-from stab_ros.io.messages import typestore
+from stab_ros.io.cdr import typestore
 from stab_ros.io.rosbags_bounds import BoundedReader1, BoundedReader2, unpacked_message
 
 if sys.version_info >= (3, 14):

@@ -1,4 +1,4 @@
-"""The reference of a live stream, kept in a bag so that a restarted tracker goes on against the same one."""
+"""The reference of a live stream, saved in a bag so that a restarted tracker resumes from it."""
 
 from __future__ import annotations
 
@@ -8,28 +8,24 @@ from pathlib import Path
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.types import Frame, State, Track
 from stab_ros.io.bag import BagWriter, open_bag, topic_of
-from stab_ros.io.messages import (
-    CAMERA_INFO,
-    DIAGNOSTIC_ARRAY,
-    IMAGE,
-    header_of,
-    image_cdr,
-    read_image,
-    read_values,
-    static_map_cdr,
-    track_cdr,
-)
+from stab_ros.io.cdr import CAMERA_INFO, DIAGNOSTIC_ARRAY, IMAGE, header_of
+from stab_ros.io.diagnostics_message import read_values
+from stab_ros.io.image_message import image_cdr, read_image, static_map_cdr
+from stab_ros.io.topics import CAMERA_INFO_TOPIC, REFERENCE_IMAGE_TOPIC, STATIC_MAP_TOPIC, TRACK_TOPIC, topic_in
+from stab_ros.io.track_message import track_cdr
 from stab_ros.tracking.static_map import StaticMap
 
-_TYPES = {"/reference_image": IMAGE, "/static_map": IMAGE, "/track": DIAGNOSTIC_ARRAY, "/camera_info": CAMERA_INFO}
-_NEEDED = frozenset(_TYPES) - {"/camera_info"}
+_REFERENCE_IMAGE, _STATIC_MAP, _TRACK, _CAMERA_INFO = (
+    topic_in("", topic) for topic in (REFERENCE_IMAGE_TOPIC, STATIC_MAP_TOPIC, TRACK_TOPIC, CAMERA_INFO_TOPIC))
+_TYPES = {_REFERENCE_IMAGE: IMAGE, _STATIC_MAP: IMAGE, _TRACK: DIAGNOSTIC_ARRAY, _CAMERA_INFO: CAMERA_INFO}
+_NEEDED = frozenset(_TYPES) - {_CAMERA_INFO}
 
 
 @dataclass(frozen=True, eq=False)
 class SavedReference:
-    """frame: as it came, with its lens distortion. camera_info: CDR of the message that tells of that, if it is used.
+    """frame: as received, with lens distortion. camera_info: the CameraInfo (CDR) of that, if the tracker uses it.
 
-    reset_counter: how many references there had been before.
+    reset_counter: the number of references before it.
     """
 
     frame: Frame
@@ -39,7 +35,7 @@ class SavedReference:
 
 
 def save_reference(path: Path, saved: SavedReference) -> None:
-    """Replaces what `path` held, in one step: a crash leaves the old file or the new one.
+    """Replaces `path` in one step: a crash leaves the old file or the new one.
 
     Raises:
         InputError: it cannot be written there. WorkError: the disk is full.
@@ -47,12 +43,12 @@ def save_reference(path: Path, saved: SavedReference) -> None:
     header, stamp_ns = header_of(saved.frame), saved.frame.stamp_ns
     place = Track(State.TRACKED, 0, stamp_ns, stamp_ns, saved.reset_counter)
     messages = {
-        "/reference_image": image_cdr(saved.frame.image, saved.frame.encoding, header),
-        "/static_map": static_map_cdr(saved.static_map, header),
-        "/track": track_cdr(place, header),
+        _REFERENCE_IMAGE: image_cdr(saved.frame.image, saved.frame.encoding, header),
+        _STATIC_MAP: static_map_cdr(saved.static_map, header),
+        _TRACK: track_cdr(place, header),
     }
     if saved.camera_info is not None:
-        messages["/camera_info"] = saved.camera_info
+        messages[_CAMERA_INFO] = saved.camera_info
     with BagWriter(path, overwrite=True) as writer:
         for name, data in messages.items():
             writer.add_topic(topic_of(name, _TYPES[name]))
@@ -60,7 +56,7 @@ def save_reference(path: Path, saved: SavedReference) -> None:
 
 
 def load_reference(path: Path) -> SavedReference | None:
-    """What `save_reference` has written; None: there is no such file yet.
+    """The reference that `save_reference` wrote; None: there is no such file yet.
 
     Raises:
         InputError: the file holds something else, or is damaged.
@@ -74,9 +70,9 @@ def load_reference(path: Path) -> SavedReference | None:
     if damage or not found.keys() >= _NEEDED or any(types[name] != _TYPES[name] for name in found):
         raise _unusable(path, damage or "it lacks a topic")
     try:
-        return SavedReference(read_image(found["/reference_image"], IMAGE),
-                              StaticMap.of_picture(read_image(found["/static_map"], IMAGE).image),
-                              int(read_values(found["/track"])["reset_counter"]), found.get("/camera_info"))
+        return SavedReference(read_image(found[_REFERENCE_IMAGE], IMAGE),
+                              StaticMap.of_picture(read_image(found[_STATIC_MAP], IMAGE).image),
+                              int(read_values(found[_TRACK])["reset_counter"]), found.get(_CAMERA_INFO))
     except (MessageError, LookupError, ValueError) as error:
         raise _unusable(path, str(error)) from error
 

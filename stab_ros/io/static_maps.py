@@ -1,4 +1,4 @@
-"""Reads a static map as it was saved: from a bag that `stabilize` or a recorder has written, or from a PNG."""
+"""Reads a saved static map: from a bag that `stabilize` or a recorder has written, or from a PNG."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.settings import Value
 from stab_ros.core.types import Gray
 from stab_ros.io.bag import open_bag
-from stab_ros.io.messages import IMAGE, read_image
-from stab_ros.io.pixels import MAX_DECODED, decode_compressed
-from stab_ros.io.source import STATIC_MAP
+from stab_ros.io.bag_source import STATIC_MAP
+from stab_ros.io.cdr import IMAGE
+from stab_ros.io.compressed_image import MAX_DECODED, decode_compressed
+from stab_ros.io.image_message import read_image
 from stab_ros.tracking.static_map import StaticMap
 
 
 def read_static_map(values: Mapping[str, Value]) -> StaticMap | None:
-    """The map that the parameter `static_map` names; None: it names none.
+    """The map of the parameter `static_map`; None if it is empty.
 
     Raises:
-        InputError: a file that is missing, no picture, or a bag without a map.
+        InputError: a file that is missing or no image, or a bag without a map.
     """
     text = str(values.get("static_map", "")).strip()
     if not text:
@@ -32,21 +33,21 @@ def read_static_map(values: Mapping[str, Value]) -> StaticMap | None:
         is_bag = path.is_dir() or path.suffix == ".mcap"
     except OSError as error:  # no possible name of a file
         raise InputError(f"static_map: {text[:80]!r} is no file, it must be a PNG or a bag with a map") from error
-    return StaticMap.of_picture(_of_bag(path) if is_bag else _of_picture(path))
+    return StaticMap.of_picture(_from_bag(path) if is_bag else _from_image(path))
 
 
-def _of_picture(path: Path) -> Gray:
+def _from_image(path: Path) -> Gray:
     try:
-        picture = decode_compressed(np.fromfile(path, np.uint8, MAX_DECODED))
+        image = decode_compressed(np.fromfile(path, np.uint8, MAX_DECODED))
     except (OSError, ValueError) as error:
         raise InputError(f"static_map: {path} cannot be read, it must be a PNG or a bag with a map") from error
     except MessageError as error:
-        raise InputError(f"static_map: {path} is no picture, it must be a PNG or a bag with a map ({error})") from error
-    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
+        raise InputError(f"static_map: {path} is no image, it must be a PNG or a bag with a map ({error})") from error
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
 
 
-def _of_bag(path: Path) -> Gray:
-    """The last map in the bag: what was known in the end."""
+def _from_bag(path: Path) -> Gray:
+    """The last map in the bag."""
     with open_bag(path) as bag:
         topics = [name for name, topic in bag.topics.items() if name.endswith(STATIC_MAP) and topic.msgtype == IMAGE]
         if len(topics) != 1:
@@ -58,5 +59,5 @@ def _of_bag(path: Path) -> Gray:
         raise InputError(f"static_map: {path} holds no map on {topics[0]}, it must hold one")
     frame = read_image(last.data, IMAGE)
     if frame.encoding != "mono8":
-        raise InputError(f"static_map: {path} holds a {frame.encoding} picture on {topics[0]}, it must be mono8")
+        raise InputError(f"static_map: {path} holds a {frame.encoding} image on {topics[0]}, it must be mono8")
     return frame.image

@@ -1,4 +1,4 @@
-"""The stabilised frames as a video to look at."""
+"""The stabilised frames as a video."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _TO_BGR = {
 
 
 class VideoWriter:
-    """An mp4 with one picture for every input frame, as large as the first (MPEG-4 drops an odd last column or row).
+    """An mp4 with one image for every input frame, as large as the first (MPEG-4 drops an odd last column or row).
 
-    A picture of another size is shrunk or enlarged to fit in, with black bars.
+    An image of another size is scaled to fit in, with black bars.
 
-    Where there is no picture (a lost frame is dropped) the last one is repeated, so that frame n of the video remains
-    frame n of the input; before the first picture it is black.
+    Without an image (a lost frame is dropped) the last one is repeated, so that frame n of the video remains
+    frame n of the input; before the first image it is black.
 
     Raises:
         WorkError: the video cannot be written (any method).
@@ -37,11 +37,11 @@ class VideoWriter:
         self._writer = cv2.VideoWriter()
         self._shown: Image = np.empty(0, np.uint8)
         self._depth_scale = 1.0
-        self._pictures = 0
+        self._frames = 0
 
     def write(self, frame: Frame | None, image: Image | None) -> None:
         """frame: of the input, None where it cannot be decoded. image: the same, stabilised, in its encoding."""
-        self._pictures += 1
+        self._frames += 1
         if frame is not None and not self._writer.isOpened():
             self._open(frame)
         if frame is not None and image is not None:
@@ -57,8 +57,8 @@ class VideoWriter:
         capture = cv2.VideoCapture(str(self._path))
         found = int(capture.get(cv2.CAP_PROP_FRAME_COUNT)) if capture.isOpened() else 0
         capture.release()
-        if found != self._pictures:
-            raise WorkError(f"{self._path}: {found} of {self._pictures} frames were written; is the disk full?")
+        if found != self._frames:
+            raise WorkError(f"{self._path}: {found} of {self._frames} frames were written; is the disk full?")
 
     def __enter__(self) -> VideoWriter:
         return self
@@ -76,7 +76,7 @@ class VideoWriter:
             raise WorkError(f"{self._path}: a video of {frame.size[0]}x{frame.size[1]} cannot be written here")
         self._depth_scale = depth_scale(frame)
         self._shown = np.zeros((*frame.image.shape[:2], 3), np.uint8)
-        for _ in range(self._pictures - 1):
+        for _ in range(self._frames - 1):
             self._writer.write(self._shown)
 
     def _show(self, image: Image, encoding: str) -> None:
@@ -85,7 +85,7 @@ class VideoWriter:
 
 
 def _fitted(image: Image, size: tuple[int, int]) -> Image:
-    """`image` (bgr8) in the middle of a picture of this width and height."""
+    """`image` (bgr8), scaled and centred in an image of this width and height."""
     height, width = image.shape[:2]
     if (width, height) == size:
         return image
@@ -99,7 +99,7 @@ def _fitted(image: Image, size: tuple[int, int]) -> Image:
 
 
 def to_bgr(frame: Frame, scale: float) -> Image:
-    """(h, w, 3) uint8; 16-bit pictures are multiplied by `scale`."""
+    """(h, w, 3) uint8; 16-bit images are multiplied by `scale`."""
     if frame.encoding == "bgr8":
         return frame.image
     if frame.encoding in _TO_BGR:

@@ -9,7 +9,8 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.progress import Progress
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import BagWriter, Topic, open_bag
-from stab_ros.io.messages import header_of, image_cdr
+from stab_ros.io.cdr import header_of
+from stab_ros.io.image_message import image_cdr
 from stab_ros.io.outputs import check_output
 from stab_ros.io.source import Kind, Picture, kind_of, open_source
 from stab_ros.jobs.stabilize import expected

@@ -16,7 +16,10 @@ from stab_ros.evaluation.frame_metrics import FrameMetrics
 from stab_ros.evaluation.pairing import Pairing
 from stab_ros.evaluation.results import Evaluation, TopicEvaluation
 from stab_ros.io.bag import Message
-from stab_ros.io.messages import IMAGE, read_homography, read_image, read_size
+from stab_ros.io.camera_message import read_size
+from stab_ros.io.cdr import IMAGE
+from stab_ros.io.homography_message import read_homography
+from stab_ros.io.image_message import read_image
 from stab_ros.io.source import Picture
 from stab_ros.jobs.evaluate_streams import ImageStream, expected_pictures, open_streams
 from stab_ros.jobs.stage import Stage

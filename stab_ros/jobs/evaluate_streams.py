@@ -9,7 +9,7 @@ from pathlib import Path
 
 from stab_ros.core.errors import InputError
 from stab_ros.io.bag import Topic, open_bag
-from stab_ros.io.messages import CAMERA_INFO, IMAGE
+from stab_ros.io.cdr import CAMERA_INFO, IMAGE
 from stab_ros.io.source import (
     IMAGE_TYPES,
     REFERENCE_IMAGE,

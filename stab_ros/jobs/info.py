@@ -9,7 +9,7 @@ from pathlib import Path
 from stab_ros.core.errors import MessageError
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import BagReader, Topic, open_bag
-from stab_ros.io.messages import read_image
+from stab_ros.io.image_message import read_image
 from stab_ros.io.source import IMAGE_TYPES, Kind, kind_of, open_source
 
 

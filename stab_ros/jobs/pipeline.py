@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.types import Frame, Image, State, Track
 from stab_ros.io.bag import Message
+from stab_ros.io.cdr import header_of
 from stab_ros.io.homographies import HomographyWriter
-from stab_ros.io.messages import header_of
 from stab_ros.io.outgoing_image import OutgoingImage
 from stab_ros.io.source import Picture
 from stab_ros.io.video_writer import VideoWriter

@@ -15,6 +15,7 @@ from stab_ros.core.settings import Value
 from stab_ros.core.types import Frame
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.window import Window
+from stab_ros.io import advice
 from stab_ros.io.bag import BagWriter
 from stab_ros.io.homographies import HomographyWriter
 from stab_ros.io.outputs import check_output, completed
@@ -124,8 +125,8 @@ def _unused(source: Source, counts: Counts) -> list[str]:
 
 def _remarks(source: Source, stabilizer: Stabilizer) -> list[str]:
     """Reasons why the answers may be wrong."""
-    found = stabilizer.competing_hypothesis, stabilizer.relief
-    return [f"{source.name}: {remark}" for remark in found if remark is not None]
+    found = advice.remarks(stabilizer.competing_hypothesis, stabilizer.relief)
+    return [f"{source.name}: {remark}" for remark in found]
 
 
 def _without_reference(source: Source, reference: Frame | None) -> list[str]:

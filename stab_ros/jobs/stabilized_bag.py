@@ -9,17 +9,11 @@ from stab_ros.core.types import Frame, Track
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.window import Window
 from stab_ros.io.bag import BagWriter, Message, Topic, topic_of
-from stab_ros.io.messages import (
-    CAMERA_INFO,
-    DIAGNOSTIC_ARRAY,
-    IMAGE,
-    header_of,
-    homography_cdr,
-    image_cdr,
-    static_map_cdr,
-    track_cdr,
-)
+from stab_ros.io.cdr import CAMERA_INFO, DIAGNOSTIC_ARRAY, IMAGE, header_of
+from stab_ros.io.homography_message import homography_cdr
+from stab_ros.io.image_message import image_cdr, static_map_cdr
 from stab_ros.io.source import STATIC_MAP, Picture, Source, namespace_of
+from stab_ros.io.track_message import track_cdr
 from stab_ros.tracking.static_map import StaticMap
 
 

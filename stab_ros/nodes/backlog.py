@@ -1,4 +1,4 @@
-"""What has arrived and waits to be measured, bounded by the memory of its pictures; without ROS."""
+"""The queue of frames that wait to be measured, bounded by the memory of their images; without ROS."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from stab_ros.evaluation.evaluator import Arrival
 
 
 class Backlog:
-    """Frames in the order of the stream, and references before the frames that are to be measured against them.
+    """Frames in the order of the stream; each reference stands before the frames that are measured against it.
 
-    limit_bytes: of pictures. Times are of one monotonic clock, ns.
+    limit_bytes: of images. Times are of one monotonic clock, ns.
     """
 
     def __init__(self, limit_bytes: int) -> None:
@@ -28,37 +28,37 @@ class Backlog:
 
     @property
     def crowded(self) -> bool:
-        """More than half full."""
+        """Whether more than half full."""
         return 2 * self._bytes > self._limit
 
     def delay_ns(self, now_ns: int) -> int:
-        """How long the oldest has been waiting."""
+        """How long the oldest item has been waiting."""
         return now_ns - self._waiting[0][0] if self._waiting else 0
 
     def add(self, arrival: Arrival, now_ns: int) -> list[Arrival]:
-        """What had to be given up for it: the oldest pictures. A single one always has room."""
+        """Returns the frames that are dropped to make room: those with the oldest images. One image always has room."""
         self._waiting.append((now_ns, arrival))
         self._bytes += _size(arrival)
         skipped: list[Arrival] = []
-        while self._bytes > self._limit and (oldest := self._oldest_picture()) is not arrival:
+        while self._bytes > self._limit and (oldest := self._oldest_image()) is not arrival:
             skipped.append(oldest)
             self._remove(oldest)
         return skipped
 
     def add_reference(self, reference: Frame, now_ns: int, at_once: bool) -> None:
-        """Goes before its own frame, if that waits; else before all frames (`at_once`), or after all that waits."""
-        own = [place for place, (_, item) in enumerate(self._waiting) if item.stamp_ns == reference.stamp_ns]
+        """Inserts it before the frame of its stamp if that waits, else before all frames (`at_once`) or at the end."""
+        same = [place for place, (_, item) in enumerate(self._waiting) if item.stamp_ns == reference.stamp_ns]
         frames = [place for place, (_, item) in enumerate(self._waiting) if isinstance(item, Arrival)]
-        places = own or (frames if at_once else [])
+        places = same or (frames if at_once else [])
         self._waiting.insert(places[0] if places else len(self._waiting), (now_ns, reference))
 
     def pop(self) -> Arrival | Frame:
-        """The next one: a frame, or the reference of those that follow."""
+        """Removes and returns the next item: a frame, or the reference of those that follow."""
         _, item = self._waiting.popleft()
         self._bytes -= _size(item)
         return item
 
-    def _oldest_picture(self) -> Arrival:
+    def _oldest_image(self) -> Arrival:
         return next(item for _, item in self._waiting if isinstance(item, Arrival) and item.frame is not None)
 
     def _remove(self, arrival: Arrival) -> None:
@@ -67,5 +67,5 @@ class Backlog:
 
 
 def _size(item: Arrival | Frame) -> int:
-    """Bytes; a reference does not count, it may not be given up."""
+    """Bytes; a reference counts as 0, as it is never dropped."""
     return item.frame.image.nbytes if isinstance(item, Arrival) and item.frame is not None else 0

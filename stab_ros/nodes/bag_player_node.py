@@ -1,4 +1,4 @@
-"""Publishes what a bag holds, byte for byte and at its own pace; towards RELIABLE subscribers nothing is lost."""
+"""Publishes the messages of a bag, byte for byte and at the recorded pace; RELIABLE subscribers lose none."""
 
 from __future__ import annotations
 
@@ -17,34 +17,38 @@ from tqdm import tqdm
 from stab_ros.core.errors import InputError
 from stab_ros.core.settings import Checked, setting
 from stab_ros.io.bag import BagReader, Message, open_bag
-from stab_ros.io.messages import COMPRESSED_IMAGE, IMAGE, OK, SECOND_NS
+from stab_ros.io.cdr import SECOND_NS
+from stab_ros.io.diagnostics_message import OK
+from stab_ros.io.image_message import IMAGE_TYPES
+from stab_ros.io.topics import CLOCK_TOPIC
 from stab_ros.nodes import params
-from stab_ros.nodes.outlet import Outlet
+from stab_ros.nodes.cdr_publisher import CdrPublisher
+from stab_ros.nodes.diagnostic_status import DiagnosticStatus
 from stab_ros.nodes.qos import replay_qos
 from stab_ros.nodes.runtime import StabNode, message_class
 from stab_ros.nodes.schedule import Schedule
 from stab_ros.nodes.spinner import Spinner
 
-_CLOCK = "/clock"
-_TICK_NS = 20_000_000  # of /clock
-_STALL_NS = 200_000_000  # what is later was held up, by a slow subscriber or because the process was stopped
+_TICK_NS = 20_000_000  # period of /clock
+_STALL_NS = 200_000_000  # delay that counts as a stall: by a slow subscriber, or as the process was stopped
 
 
 @dataclass(frozen=True)
 class PlayerSettings(Checked):
-    """What is played, and how."""
+    """Parameters of the player."""
 
-    bag: str = setting("", "the recording: an .mcap, a rosbag2 folder or a ROS 1 .bag")
-    rate: float = setting(1.0, "times real time", 0.001, 1e6)
-    loop: bool = setting(False, "start again at the end")
-    start_offset: float = setting(0.0, "skip the first seconds of the recording, s", 0.0, 1e9)
-    clock: bool = setting(False, "publish /clock")
+    bag: str = setting("", "Path of the recording: an .mcap, a rosbag2 folder or a ROS 1 .bag")
+    rate: float = setting(1.0, "Playback speed relative to real time", 0.001, 1e6)
+    loop: bool = setting(False, "Whether to start again at the end")
+    start_offset: float = setting(0.0, "Time in seconds to skip at the beginning of the recording", 0.0, 1e9)
+    clock: bool = setting(False, "Whether to publish /clock")
     wait_for_subscribers: int = setting(
-        0, "begin once the image topics (without any: all topics) have so many subscribers in total", 0, 1000)
+        0, "Number of subscribers, over all image topics (all topics if none has images), to wait for before playing",
+        0, 1000)
 
 
 class BagPlayerNode(StabNode):
-    """Plays once, or over and over with `loop`."""
+    """Plays once, or again and again with `loop`."""
 
     def __init__(self, given: Mapping[str, object]) -> None:
         super().__init__("bag_player_node", given)
@@ -54,15 +58,16 @@ class BagPlayerNode(StabNode):
         self.settings = PlayerSettings(**values)
         if not self.settings.bag:
             raise InputError("bag: no recording is named, it must be the path of one, as in -p bag:=flight.mcap")
-        self._outlets: dict[str, Outlet] = {}
-        self._clock_outlet = Outlet(self, Clock, _CLOCK, QoSProfile(depth=1)) if self.settings.clock else None
+        self._outputs: dict[str, CdrPublisher] = {}
+        clock = self.settings.clock
+        self._clock_publisher = CdrPublisher(self, Clock, CLOCK_TOPIC, QoSProfile(depth=1)) if clock else None
         self._schedule = Schedule(0, 0, self.settings.rate)
-        self._told_ns = 0
+        self._clock_ns = 0
         self._messages = self._rounds = 0
-        self._doing = "opening the recording"
+        self._activity = "opening the recording"
 
     def work(self, spinner: Spinner) -> None:
-        self.every(1.0, self._report)
+        self.create_steady_timer(1.0, self._report)
         with open_bag(Path(self.settings.bag)) as bag:
             self._advertise(bag)
             self._wait_for_subscribers(bag, spinner)
@@ -71,53 +76,54 @@ class BagPlayerNode(StabNode):
                 if not self.settings.loop:
                     break
         if not spinner.stopping:
-            for outlet in self._outlets.values():
-                outlet.flush()
+            for publisher in self._outputs.values():
+                publisher.flush()
         self._report()
-        self.flush_reports()
+        self.flush_diagnostics()
 
     def _report(self) -> None:
-        """Once a second, and at the end."""
-        self.report(OK, self._doing, {"messages": str(self._messages), "rounds": str(self._rounds)})
+        """Publishes the diagnostics, once a second and at the end."""
+        counts = {"messages": str(self._messages), "rounds": str(self._rounds)}
+        self.publish_diagnostics(DiagnosticStatus(OK, self._activity, counts))
 
     def _advertise(self, bag: BagReader) -> None:
         """A publisher for every topic whose type is installed."""
         for topic in bag.topics.values():
-            if topic.name == _CLOCK and self.settings.clock:
+            if topic.name == CLOCK_TOPIC and self.settings.clock:
                 continue
             try:
                 msg_class = message_class(topic.msgtype)
             except InputError as error:
                 self.get_logger().warning(f"{topic.name} is left out: {error}")
                 continue
-            self._outlets[topic.name] = Outlet(self, msg_class, topic.name, replay_qos(topic.qos), lossless=True)
-        if not self._outlets:
+            self._outputs[topic.name] = CdrPublisher(self, msg_class, topic.name, replay_qos(topic.qos), lossless=True)
+        if not self._outputs:
             raise InputError(f"{self.settings.bag}: no topic can be played, it must hold messages of installed types")
 
     def _wait_for_subscribers(self, bag: BagReader, spinner: Spinner) -> None:
-        images = [name for name in self._outlets if bag.topics[name].msgtype in (IMAGE, COMPRESSED_IMAGE)]
-        self._doing = f"waiting for {self.settings.wait_for_subscribers} subscribers"
-        awaited = [self._outlets[name] for name in images or self._outlets]
+        images = [name for name in self._outputs if bag.topics[name].msgtype in IMAGE_TYPES]
+        self._activity = f"waiting for {self.settings.wait_for_subscribers} subscribers"
+        awaited = [self._outputs[name] for name in images or self._outputs]
         while not spinner.stopping:
-            if sum(outlet.subscribers for outlet in awaited) >= self.settings.wait_for_subscribers:
+            if sum(publisher.subscribers for publisher in awaited) >= self.settings.wait_for_subscribers:
                 return
             spinner.once()
 
     def _play(self, bag: BagReader, spinner: Spinner) -> None:
-        self._doing = "playing"
+        self._activity = "playing"
         self._rounds += 1
         start_ns = bag.start_ns + round(self.settings.start_offset * SECOND_NS)
         self._schedule = Schedule(start_ns, time.monotonic_ns(), self.settings.rate)
-        total = sum(bag.topics[name].count for name in self._outlets)
+        total = sum(bag.topics[name].count for name in self._outputs)
         with tqdm(total=total, unit=" messages", disable=None) as progress:
-            for message in bag.messages(self._outlets):
+            for message in bag.messages(self._outputs):
                 progress.update()
                 if message.log_time_ns < start_ns:
                     continue
                 self._wait_until_due(message, spinner)
                 if spinner.stopping:
                     return
-                self._outlets[message.topic].send(message.data)
+                self._outputs[message.topic].send(message.data)
                 self._messages += 1
         for warning in bag.warnings:
             self.get_logger().warning(warning)
@@ -127,20 +133,20 @@ class BagPlayerNode(StabNode):
         due_ns = schedule.due_ns(message.log_time_ns)
         while True:
             now_ns = time.monotonic_ns()
-            self._tell_time(min(schedule.bag_time_ns(now_ns), message.log_time_ns), at_once=now_ns >= due_ns)
+            self._publish_clock(min(schedule.bag_time_ns(now_ns), message.log_time_ns), at_once=now_ns >= due_ns)
             if now_ns >= due_ns or spinner.stopping:
                 break
             wait_ns = min(due_ns - now_ns, _TICK_NS)
             spinner.once(wait_ns / SECOND_NS)
         if wait_ns == 0:
-            spinner.once(0.0)  # late already, yet parameters and signals are not to starve
+            spinner.once(0.0)  # late already, but parameters and signals must not starve
         if now_ns - due_ns > _STALL_NS:
             self._schedule = schedule.resumed(now_ns - due_ns)
 
-    def _tell_time(self, bag_ns: int, at_once: bool) -> None:
-        """Publishes /clock, in steps or with the message that is due."""
-        if self._clock_outlet is None or not (at_once or abs(bag_ns - self._told_ns) >= _TICK_NS):
+    def _publish_clock(self, bag_ns: int, at_once: bool) -> None:
+        """Publishes /clock, every tick or with the message that is due."""
+        if self._clock_publisher is None or not (at_once or abs(bag_ns - self._clock_ns) >= _TICK_NS):
             return
-        self._told_ns = bag_ns
+        self._clock_ns = bag_ns
         clock = Clock(clock=Time(nanoseconds=bag_ns).to_msg())
-        self._clock_outlet.send(serialize_message(clock))
+        self._clock_publisher.send(serialize_message(clock))

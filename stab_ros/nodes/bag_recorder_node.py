@@ -12,33 +12,34 @@ from typing import Any
 from stab_ros.core.errors import ConfigError, InputError, WorkError
 from stab_ros.core.settings import Checked, setting
 from stab_ros.io.bag import BagWriter, topic_of
-from stab_ros.io.messages import ERROR, OK
+from stab_ros.io.diagnostics_message import ERROR, OK
 from stab_ros.nodes import params
+from stab_ros.nodes.diagnostic_status import DiagnosticStatus
 from stab_ros.nodes.gap_counter import GapCounter
 from stab_ros.nodes.qos import AdaptiveSubscription, keep_all_offered, offered_yaml
 from stab_ros.nodes.runtime import StabNode, message_class
 from stab_ros.nodes.spinner import Spinner
 
-_LOOK_S = 0.1  # how often new topics and publishers are looked for
+_DISCOVERY_S = 0.1  # period of the search for new topics and publishers
 
 
 @dataclass(frozen=True)
 class RecorderSettings(Checked):
-    """Where to; `topics`, a list, is a parameter of its own."""
+    """Parameters of the recorder; `topics`, a list of strings, is declared beside them."""
 
-    output: str = setting("", "the .mcap file to write")
-    overwrite: bool = setting(False, "replace an existing output")
+    output: str = setting("", "Path of the .mcap file to write")
+    overwrite: bool = setting(False, "Whether to replace an existing output")
 
 
 class BagRecorderNode(StabNode):
-    """Writes every message of `topics` (none named: of all topics) until it is stopped."""
+    """Writes every message of `topics` (if empty: of all topics) until it is stopped."""
 
     def __init__(self, given: Mapping[str, object]) -> None:
         super().__init__("bag_recorder_node", given)
         table = params.table_of(RecorderSettings)
         values: Any = params.declare(self, table)
         self.settings = RecorderSettings(**values)
-        names = params.declare_names(self, "topics", "what to record; without any, all topics")
+        names = params.declare_names(self, "topics", "Topics to record; all topics if empty")
         params.warn_of_unknown(self, [*table, "topics"])
         self._wanted = {self.resolve_topic_name(name) for name in names}
         if not self.settings.output:
@@ -51,9 +52,9 @@ class BagRecorderNode(StabNode):
 
     def work(self, spinner: Spinner) -> None:
         with BagWriter(Path(self.settings.output), self.settings.overwrite) as writer:
-            self._look(writer)
-            self.every(_LOOK_S, partial(self._look, writer))
-            self.every(1.0, partial(self._flush, writer))
+            self._discover(writer)
+            self.create_steady_timer(_DISCOVERY_S, partial(self._discover, writer))
+            self.create_steady_timer(1.0, partial(self._flush, writer))
             self.get_logger().info(f"recording to {self.settings.output}")
             while not spinner.stopping:
                 spinner.once()
@@ -61,7 +62,7 @@ class BagRecorderNode(StabNode):
             if self._failure is not None:
                 raise self._failure
 
-    def _look(self, writer: BagWriter) -> None:
+    def _discover(self, writer: BagWriter) -> None:
         """Subscribes to wanted topics as soon as their type is known."""
         for subscription in self._inputs.values():
             subscription.refresh()
@@ -85,27 +86,28 @@ class BagRecorderNode(StabNode):
             self.get_logger().warning(f"{name} is not recorded: {error}")
 
     def _record(self, writer: BagWriter, topic: str, cdr: bytes, info: Mapping[str, int]) -> None:
-        """Logged when it was received, as rosbag2 does; by the simulated clock where there is one."""
+        """The log time is that of reception, as in rosbag2; on the simulated clock if there is one."""
         if self._failure is not None:
             return
         simulated_ns = self.get_clock().now().nanoseconds if self.get_parameter("use_sim_time").value else 0
-        log_time_ns = simulated_ns or info["received_timestamp"]  # a clock that nobody tells stands at zero
+        log_time_ns = simulated_ns or info["received_timestamp"]  # a simulated clock without publishers stands at zero
         self._try(lambda: writer.write(topic, log_time_ns, info["source_timestamp"], cdr))
         self._messages += 1
         self._bytes += len(cdr)
         self._lost += self._gaps[topic].missed(info["publication_sequence_number"], self._inputs[topic].publishers)
 
     def _flush(self, writer: BagWriter) -> None:
-        """Once a second: what was received survives a crash, and the diagnostics."""
+        """Once a second: makes what was received survive a crash, and publishes the diagnostics."""
         if self._failure is None:
             self._try(writer.flush_chunk)
         level, message = (OK, "recording") if self._failure is None else (ERROR, str(self._failure))
         counts = {"topics": len(self._inputs), "messages": self._messages, "messages_lost": self._lost,
                   "bytes": self._bytes}
-        self.report(level, message, {name: str(count) for name, count in counts.items()})
+        self.publish_diagnostics(
+            DiagnosticStatus(level, message, {name: str(count) for name, count in counts.items()}))
 
     def _try(self, write: Callable[[], None]) -> None:
-        """A full disk ends the recording, not the node, which goes on to report it."""
+        """A full disk ends the recording; the node goes on and reports it."""
         try:
             write()
         except WorkError as error:

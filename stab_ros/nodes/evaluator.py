@@ -1,4 +1,4 @@
-"""The executable `evaluator_node`: the node is in `evaluator_node.py`, imported once signals are taken care of."""
+"""The executable `evaluator_node`. The node is in `evaluator_node.py`, imported once signals are handled."""
 
 from __future__ import annotations
 

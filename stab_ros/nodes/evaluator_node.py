@@ -1,58 +1,40 @@
-"""The live evaluator: a thin shell around `Evaluator`, the same engine and the same pairing as the command's."""
+"""The live evaluator: the ROS side of `Evaluator`, with the same engine and pairing as the command `evaluate`."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.qos import QoSProfile
-from sensor_msgs.msg import CameraInfo, Image
-from std_msgs.msg import Float64
-
-from stab_ros.core.errors import InputError, MessageError
-from stab_ros.core.gray import without_colour
+from stab_ros.core.errors import InputError
 from stab_ros.core.kernels import Compilation, compile_kernels
 from stab_ros.core.memory import give_back_memory
 from stab_ros.core.settings import Value
-from stab_ros.core.types import Frame
+from stab_ros.core.types import Frame, Homography
 from stab_ros.evaluation.evaluator import Arrival, Evaluator
 from stab_ros.evaluation.findings import Level, findings
 from stab_ros.evaluation.frame_metrics import FrameMetrics, Outcome
 from stab_ros.evaluation.pairing import Pairing
-from stab_ros.io.messages import (
-    IMAGE,
-    SECOND_NS,
-    Header,
-    float64_cdr,
-    metrics_cdr,
-    read_homography,
-    read_image,
-    read_size,
-)
+from stab_ros.io.cdr import SECOND_NS, Header
 from stab_ros.nodes import params
 from stab_ros.nodes.backlog import Backlog
+from stab_ros.nodes.evaluator_inputs import EvaluatorInputs
+from stab_ros.nodes.evaluator_publishers import EvaluatorPublishers
 from stab_ros.nodes.evaluator_status import EvaluatorStatus
-from stab_ros.nodes.outlet import Outlet
-from stab_ros.nodes.qos import AdaptiveSubscription, Choice, keep_all_offered, latest_latched
 from stab_ros.nodes.runtime import StabNode
 from stab_ros.nodes.spinner import Spinner
 from stab_ros.parameters.engines import make_evaluator
 from stab_ros.parameters.node_settings import EvaluatorSettings
 from stab_ros.parameters.table import EVALUATOR_PARAMETERS, evaluator_config
 
-_IMAGE, _HOMOGRAPHY, _REFERENCE = "image_stabilized", "homography", "tracker_node/reference_image"
-_LOOK_NS = SECOND_NS // 10  # how often publishers and the level are looked at
-_WARN_EVERY_S = 5.0
-_TAKEN = 50  # messages at most, then a frame is measured
-# Waits are of free time, with nothing to take and nothing to measure
-_REFERENCE_LIMIT_NS = 4 * SECOND_NS  # a publisher of references that has sent none by then has none for this frame
-_DISCOVERY_NS = SECOND_NS // 2  # by then the publisher of references is known, if there is one
-_PICTURE_LIMIT_NS = SECOND_NS  # a picture that the next frame's homography overtook by so much will not come any more
+_POLL_NS = SECOND_NS // 10  # period at which publishers, waits and the level are checked
+_LOG_EVERY_S = 5.0
+_BURST = 50  # messages at most that are taken before a frame is measured
+# Limits of waits, in free time: with no message to take and no frame to measure
+_REFERENCE_LIMIT_NS = 4 * SECOND_NS  # for the reference, if somebody publishes references
+_DISCOVERY_NS = SECOND_NS // 2  # for the discovery of a publisher of references
+_IMAGE_LIMIT_NS = SECOND_NS  # for an image, once the next frame's homography has arrived
 _HOMOGRAPHY_LIMIT_NS = 4 * SECOND_NS  # what Fast DDS lost comes again after 3 s, unless a profile says otherwise
-_FIX = "let it offer RELIABLE or BEST_EFFORT, VOLATILE or TRANSIENT_LOCAL"
 
 
 SETTINGS = params.table_of(EvaluatorSettings)
@@ -62,7 +44,7 @@ CHANGEABLE = frozenset(EVALUATOR_PARAMETERS) - _PREPARED
 
 
 class EvaluatorNode(StabNode):
-    """Takes all that comes, and measures one frame after the other."""
+    """Takes all messages that arrive, and measures one frame after the other."""
 
     COMPUTES = True
 
@@ -76,51 +58,27 @@ class EvaluatorNode(StabNode):
         self.evaluator: Evaluator = make_evaluator(values)
         self.status = EvaluatorStatus(*(round(seconds * SECOND_NS) for seconds in (
             self.settings.window_s, self.settings.alarm_s, self.settings.stale_s)))
-        waiting_bytes = round(self.settings.backlog_mb * 1e6)
-        self._backlog, self._pairing = Backlog(waiting_bytes), Pairing(False, waiting_bytes)
-        self._inputs: dict[str, AdaptiveSubscription] = {}
-        self._received = 0
-        self._overran = False  # more pictures have waited than usual
-        self._moved_ns = 0  # free time when the pairing last gave out a frame, or began to wait
+        limit_bytes = round(self.settings.backlog_mb * 1e6)
+        self._backlog, self._pairing = Backlog(limit_bytes), Pairing(False, limit_bytes)
+        self._inputs: EvaluatorInputs | None = None
+        self._overran = False  # the backlog has been more than half full
+        self._progress_ns = 0  # free time when the pairing last released a frame, or began to wait
         self._awaits_reference = True
-        self._waits_since_ns: int | None = None  # free time when the first picture began to wait for it
+        self._waits_since_ns: int | None = None  # free time when the first image began to wait for the reference
         self._frame_id = ""
-        self._told_level = 0
-        self._make_outlets()
-        params.LiveChanges(self, EVALUATOR_PARAMETERS, self._change)
-        self.every(1.0, self._report)
+        self._reported_level = 0
+        self.outputs = EvaluatorPublishers(self)
+        params.ParameterUpdates(self, EVALUATOR_PARAMETERS, self._change)
+        self.create_steady_timer(1.0, self._report)
 
-    def _make_outlets(self) -> None:
-        self.metrics = Outlet(self, DiagnosticArray, "~/metrics", QoSProfile(depth=100))
-        self.plots = {name: Outlet(self, Float64, topic, QoSProfile(depth=100)) for name, topic in (
-            ("rmse_reference_px", "~/rmse_px"), ("rmsd_reference", "~/rmsd"),
-            ("displacement_reference_px", "~/displacement_px"))}
-
-    def on_compiling(self, so_far: Compilation) -> None:
-        self.status.waiting_for = f"kernels to be compiled, {so_far.done} of {so_far.total} are"
+    # start and main loop ---------------------------------------------------------------------------------------------
+    def on_compilation(self, progress: Compilation) -> None:
+        self.status.waiting_for = f"kernels to be compiled, {progress.done} of {progress.total} are done"
 
     def prepare(self) -> None:
-        compile_kernels()  # done already, unless somebody else's process spins this node
-        self.every(_LOOK_NS / SECOND_NS, self._look)
-        self._look()
-
-    def _open_inputs(self) -> None:
-        self._subscribe(_IMAGE, Image, self._on_image)
-        self._subscribe(_REFERENCE, Image, self._on_reference, latest_latched)
-        # the last one: a tracker that waits for a subscriber of it begins now
-        self._subscribe(_HOMOGRAPHY, CameraInfo, self._on_homography)
-        self.get_logger().info(f"ready, taking images from {self._inputs[_IMAGE].topic}")
-
-    def _subscribe(self, name: str, msg_class: Any, take: Callable[[bytes], None],
-                   choose: Choice = keep_all_offered) -> None:
-        def on_message(cdr: bytes, _info: Mapping[str, int]) -> None:
-            self._received += 1
-            try:
-                take(cdr)
-            except MessageError as error:
-                self._refuse(f"{self._inputs[name].topic}: {error}")
-
-        self._inputs[name] = AdaptiveSubscription(self, msg_class, name, on_message, choose, _FIX)
+        compile_kernels()  # done already, unless another executor spins this node
+        self.create_steady_timer(_POLL_NS / SECOND_NS, self._poll)
+        self._poll()
 
     def work(self, spinner: Spinner) -> None:
         while not spinner.stopping:
@@ -131,47 +89,86 @@ class EvaluatorNode(StabNode):
                 spinner.once()
 
     def _take(self, spinner: Spinner) -> None:
-        """What waits in the middleware, so much at most that measuring goes on beside it."""
-        end, idle = self._received + _TAKEN, 0
+        """Takes the messages that wait in the middleware, but not so many that measuring would starve."""
+        end, idle = self._received + _BURST, 0
         while idle < 2 and not spinner.stopping and self._received < end:
             before = self._received
             spinner.once(0.0)
             idle = idle + 1 if self._received == before else 0
 
-    def _on_image(self, cdr: bytes) -> None:
-        frame = without_colour(read_image(cdr, IMAGE))
+    @property
+    def _received(self) -> int:
+        return 0 if self._inputs is None else self._inputs.received
+
+    def _poll(self) -> None:
+        """Follows the publishers, gives up waiting for lost messages, and checks whether the stream has stopped."""
+        self.free.ticked(_POLL_NS)
+        if self._inputs is None and self.outputs.metrics.subscribers >= self.settings.wait_for_subscribers:
+            self._inputs = EvaluatorInputs(self, self)
+            self.get_logger().info(f"ready, taking images from {self._inputs.image.topic}")
+        if self._inputs is not None:
+            self._inputs.refresh()
+        if self._waits_in_vain():
+            self._queue(self._pairing.flush())
+        self.status.waiting_for = self._awaited()
+        self._alarm()
+
+    def _waits_in_vain(self) -> bool:
+        """Whether the other half of a frame should have come by now; a single one waits for a slow tracker's warp."""
+        waited_ns = self.free.ns - self._progress_ns
+        if self._pairing.pictures_waiting and waited_ns > _HOMOGRAPHY_LIMIT_NS:
+            return True
+        return self._pairing.homographies_waiting >= 2 and waited_ns > _IMAGE_LIMIT_NS
+
+    def _awaited(self) -> str:
+        if self._inputs is None:
+            return f"{self.settings.wait_for_subscribers} subscribers of {self.outputs.metrics.topic}"
+        images = self._inputs.image
+        return f"images on {images.topic}" + ("" if images.publishers else ", nobody publishes it")
+
+    # input -----------------------------------------------------------------------------------------------------------
+    def on_image(self, frame: Frame) -> None:
+        """See `EvaluatorCallbacks`."""
         self._frame_id = frame.frame_id
         self.status.on_alive(self.free.ns)
-        self._pairing.expect_homography = self.count_publishers(self._inputs[_HOMOGRAPHY].topic) > 0
+        if self._inputs is not None:
+            self._pairing.expect_homography = self.count_publishers(self._inputs.homography.topic) > 0
         self._queue(self._pairing.image(frame))
 
-    def _on_homography(self, cdr: bytes) -> None:
-        stamp_ns, ref_H_cur = read_homography(cdr)
+    def on_homography(self, stamp_ns: int, ref_H_cur: Homography | None, size: tuple[int, int] | None) -> None:
+        """See `EvaluatorCallbacks`."""
         if ref_H_cur is None:
             self.status.on_alive(self.free.ns)
-        self._queue(self._pairing.homography(stamp_ns, ref_H_cur, read_size(cdr)))
+        self._queue(self._pairing.homography(stamp_ns, ref_H_cur, size))
 
-    def _on_reference(self, cdr: bytes) -> None:
-        self._backlog.add_reference(without_colour(read_image(cdr, IMAGE)), time.monotonic_ns(),
-                                    at_once=self.evaluator.reference is None)
+    def on_reference(self, frame: Frame) -> None:
+        """See `EvaluatorCallbacks`."""
+        self._backlog.add_reference(frame, time.monotonic_ns(), at_once=self.evaluator.reference is None)
+
+    def on_refused(self, text: str) -> None:
+        """See `EvaluatorCallbacks`."""
+        self.status.on_refused(Level.WARN, f"refused a message: {text}", time.monotonic_ns())
+        self.get_logger().warning(f"refused a message: {text}", throttle_duration_sec=_LOG_EVERY_S)
 
     def _queue(self, arrivals: list[Arrival]) -> None:
         now_ns, waiting = time.monotonic_ns(), self._pairing
         if arrivals or (waiting.homographies_waiting <= 2 and waiting.pictures_waiting <= 1):
-            self._moved_ns = self.free.ns
+            self._progress_ns = self.free.ns
         for arrival in arrivals:
             self.status.on_frame(arrival)
             for skipped in self._backlog.add(arrival, now_ns):
                 self.status.on_skipped(skipped, now_ns)
 
+    # measuring -------------------------------------------------------------------------------------------------------
     def _may_measure(self) -> bool:
-        """The first picture waits a little for the reference: whoever joins later gets it latched."""
+        """The first image waits for the reference, which arrives latched if the evaluator joins later."""
         first = self._backlog.first
         if not (self._awaits_reference and isinstance(first, Arrival) and first.frame is not None):
             return True
         if self._waits_since_ns is None:
             self._waits_since_ns = self.free.ns
-        limit_ns = _REFERENCE_LIMIT_NS if self._inputs[_REFERENCE].publishers else _DISCOVERY_NS
+        is_published = self._inputs is not None and self._inputs.reference.publishers
+        limit_ns = _REFERENCE_LIMIT_NS if is_published else _DISCOVERY_NS
         self._awaits_reference = self.free.ns - self._waits_since_ns < limit_ns
         return not self._awaits_reference
 
@@ -186,10 +183,10 @@ class EvaluatorNode(StabNode):
                 self._publish(self._measured(item))
         except InputError as error:
             self.status.on_refused(Level.ERROR, f"nothing can be measured: {error}", time.monotonic_ns())
-            self.get_logger().error(f"nothing can be measured: {error}", throttle_duration_sec=_WARN_EVERY_S)
+            self.get_logger().error(f"nothing can be measured: {error}", throttle_duration_sec=_LOG_EVERY_S)
         if self._overran and not self._backlog:
             self._overran = False
-            give_back_memory()  # the room of hundreds of pictures
+            give_back_memory()  # of hundreds of images
         self._alarm()
 
     def _measured(self, arrival: Arrival) -> FrameMetrics:
@@ -199,58 +196,25 @@ class EvaluatorNode(StabNode):
             self.status.on_check_skipped(arrival, time.monotonic_ns())
         return metrics
 
+    # output ----------------------------------------------------------------------------------------------------------
     def _publish(self, metrics: FrameMetrics) -> None:
         header = Header(metrics.stamp_ns, self._frame_id)
-        self.metrics.send(metrics_cdr(metrics, [point.name for point in self.evaluator.points], header))
-        for name, outlet in self.plots.items():
-            value = metrics[name]
-            if value is not None:
-                outlet.send(float64_cdr(value))
+        self.outputs.send(metrics, [point.name for point in self.evaluator.points], header)
         self.status.on_metrics(metrics, findings(metrics, self.evaluator.config), time.monotonic_ns())
 
-    def _refuse(self, text: str) -> None:
-        """A message that is not what it claims to be."""
-        self.status.on_refused(Level.WARN, f"refused a message: {text}", time.monotonic_ns())
-        self.get_logger().warning(f"refused a message: {text}", throttle_duration_sec=_WARN_EVERY_S)
+    def _alarm(self) -> None:
+        """Reports at once if the level has risen."""
+        now_ns = time.monotonic_ns()
+        if self.status.level(now_ns, self._backlog.delay_ns(now_ns), self.free.ns) > self._reported_level:
+            self._report()
+
+    def _report(self) -> None:
+        now_ns = time.monotonic_ns()
+        status = self.status.report(now_ns, self._backlog.delay_ns(now_ns), self.free.ns)
+        self._reported_level = status.level
+        self.publish_diagnostics(status)
 
     def _change(self, changed: dict[str, Value]) -> None:
         values = {**self.values, **changed}
         self.evaluator.reconfigure(evaluator_config(values))
         self.values = values
-
-    def _look(self) -> None:
-        """Follows the publishers, gives up waiting for what was lost, and sees whether the stream stands."""
-        self.free.ticked(_LOOK_NS)
-        if not self._inputs and self.metrics.subscribers >= self.settings.wait_for_subscribers:
-            self._open_inputs()
-        for one in self._inputs.values():
-            one.refresh()
-        if self._waits_in_vain():
-            self._queue(self._pairing.flush())
-        self.status.waiting_for = self._awaited()
-        self._alarm()
-
-    def _waits_in_vain(self) -> bool:
-        """Whether the other half of a frame should have come by now; a single one waits for a slow tracker's warp."""
-        waited_ns = self.free.ns - self._moved_ns
-        if self._pairing.pictures_waiting and waited_ns > _HOMOGRAPHY_LIMIT_NS:
-            return True
-        return self._pairing.homographies_waiting >= 2 and waited_ns > _PICTURE_LIMIT_NS
-
-    def _awaited(self) -> str:
-        if not self._inputs:
-            return f"{self.settings.wait_for_subscribers} subscribers of {self.metrics.topic}"
-        images = self._inputs[_IMAGE]
-        return f"images on {images.topic}" + ("" if images.publishers else ", nobody publishes it")
-
-    def _alarm(self) -> None:
-        """Reports at once when it has become worse."""
-        now_ns = time.monotonic_ns()
-        if self.status.level(now_ns, self._backlog.delay_ns(now_ns), self.free.ns) > self._told_level:
-            self._report()
-
-    def _report(self) -> None:
-        now_ns = time.monotonic_ns()
-        report = self.status.report(now_ns, self._backlog.delay_ns(now_ns), self.free.ns)
-        self._told_level = report.level
-        self.report(report.level, report.message, report.values)

@@ -1,4 +1,4 @@
-"""What the evaluator says of the stream on /diagnostics: counted and judged here, without ROS."""
+"""The evaluator's status on /diagnostics: counts, statistics and recent problems of the stream; without ROS."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from stab_ros.evaluation.evaluator import Arrival
 from stab_ros.evaluation.findings import Finding, Level, frame_name
 from stab_ros.evaluation.frame_metrics import UNITS, FrameMetrics, Outcome
 from stab_ros.metrics.statistics import summarize
-from stab_ros.nodes.silence import Silence
-from stab_ros.nodes.tracker_status import Report
+from stab_ros.nodes.diagnostic_status import DiagnosticStatus
+from stab_ros.nodes.stream_timeout import StreamTimeout
 
 _SHOWN = 3  # problems in one message
-_BEHIND_NS = 1_000_000_000  # from here on the delay is a problem of its own
+_BEHIND_NS = 1_000_000_000  # a longer delay is a problem
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
 
 
 @dataclass(frozen=True)
 class _Problem:
-    """One line about one frame. kind: equal for the same trouble of other frames."""
+    """One line about one frame. kind: equal for the same problem of other frames."""
 
     now_ns: int
     level: Level
@@ -32,23 +32,23 @@ class _Problem:
 
 
 class EvaluatorStatus:
-    """Counts frames and remembers what was wrong with the last ones.
+    """Counts frames and remembers the problems of the last ones.
 
-    now_ns: of a monotonic clock. free_ns: of the node's free time. window_ns: statistics are over so long. alarm_ns:
-    what is wrong with a frame is told for so long. stale_ns: silence from which the stream counts as stopped.
+    now_ns: of a monotonic clock. free_ns: of the node's free time. window_ns: the period of the statistics. alarm_ns:
+    how long a problem of a frame is reported. stale_ns: silence after which the stream counts as stopped.
     """
 
     def __init__(self, window_ns: int, alarm_ns: int, stale_ns: int) -> None:
         self.waiting_for = "images"
-        self._window_ns, self._alarm_ns, self._silence = window_ns, alarm_ns, Silence(stale_ns)
+        self._window_ns, self._alarm_ns, self._timeout = window_ns, alarm_ns, StreamTimeout(stale_ns)
         self._counts: Counter[str] = Counter()
         self._measured: deque[tuple[int, Mapping[str, float]]] = deque()
         self._problems: deque[_Problem] = deque()
         self._last = ""
 
     def on_alive(self, free_ns: int) -> None:
-        """A picture has come, or the news that there is none because the frame was lost."""
-        self._silence.broken(free_ns)
+        """An image has arrived, or the message that the frame is lost and has none."""
+        self._timeout.on_image(free_ns)
 
     def on_frame(self, arrival: Arrival) -> None:
         """A frame that is to be measured."""
@@ -56,7 +56,7 @@ class EvaluatorStatus:
         self._last = _name(arrival)
 
     def on_metrics(self, metrics: FrameMetrics, found: Sequence[Finding], now_ns: int) -> None:
-        """What came of a frame. found: what is wrong with it."""
+        """The result of a frame. found: its problems."""
         self._counts[metrics.outcome.value] += 1
         if metrics.outcome is Outcome.MEASURED:
             self._measured.append((now_ns, metrics.values))
@@ -65,40 +65,40 @@ class EvaluatorStatus:
             self._problem(now_ns, one.level, name, one.text)
 
     def on_refused(self, level: Level, text: str, now_ns: int) -> None:
-        """A message or a frame that could not be used."""
+        """A message or a frame that cannot be used."""
         self._counts["frames_refused"] += 1
         self._problem(now_ns, level, "", text)
 
     def on_skipped(self, arrival: Arrival, now_ns: int) -> None:
-        """A frame that was given up because too many wait."""
+        """A frame that is dropped because the backlog is full."""
         self._counts["frames_skipped"] += 1
         name = _name(arrival)
         self._problem(now_ns, Level.WARN, name, f"{name} is skipped, too many are waiting")
 
     def on_check_skipped(self, arrival: Arrival, now_ns: int) -> None:
-        """RMSE and velocity field were due on this frame, and left out because many wait."""
+        """RMSE and velocity field were due on this frame, and are skipped as the backlog is more than half full."""
         self._counts["checks_skipped"] += 1
         name = _name(arrival)
         self._problem(now_ns, Level.WARN, name, f"{name}: RMSE and velocity field are skipped, many are waiting")
 
     def level(self, now_ns: int, delay_ns: int, free_ns: int) -> Level:
         """The level that a report would have now."""
-        return max((level for level, _ in self._troubles(now_ns, delay_ns, free_ns)), default=Level.OK)
+        return max((level for level, _ in self._current_problems(now_ns, delay_ns, free_ns)), default=Level.OK)
 
-    def report(self, now_ns: int, delay_ns: int, free_ns: int) -> Report:
+    def report(self, now_ns: int, delay_ns: int, free_ns: int) -> DiagnosticStatus:
         """delay_ns: how long the oldest frame has been waiting."""
         self._forget(now_ns)
-        troubles = sorted(self._troubles(now_ns, delay_ns, free_ns), key=lambda one: -one[0])
-        texts = [text for _, text in troubles]
+        problems = sorted(self._current_problems(now_ns, delay_ns, free_ns), key=lambda one: -one[0])
+        texts = [text for _, text in problems]
         more = [f"and {len(texts) - _SHOWN} more"] if len(texts) > _SHOWN else []
         message = "; ".join([*texts[:_SHOWN], *more]) or f"no problem up to {self._last}"
-        return Report(max((level for level, _ in troubles), default=Level.OK), message,
-                      self._values(delay_ns, free_ns))
+        return DiagnosticStatus(max((level for level, _ in problems), default=Level.OK), message,
+                                self._values(delay_ns, free_ns))
 
-    def _troubles(self, now_ns: int, delay_ns: int, free_ns: int) -> Iterator[tuple[Level, str]]:
-        """Everything that is wrong now, each kind once."""
+    def _current_problems(self, now_ns: int, delay_ns: int, free_ns: int) -> Iterator[tuple[Level, str]]:
+        """All problems now, each kind once."""
         if self._is_stale(free_ns):
-            silence_s = self._silence.ns(free_ns) / 1e9
+            silence_s = self._timeout.silence_ns(free_ns) / 1e9
             yield Level.ERROR, f"no image for {silence_s:.1f} s, the last was {self._last}"
         kinds: dict[tuple[Level, str], list[_Problem]] = {}
         for one in self._problems:
@@ -113,10 +113,10 @@ class EvaluatorStatus:
 
     @property
     def _is_waiting(self) -> bool:
-        return not (self._silence.begun and self._last)
+        return not (self._timeout.has_begun and self._last)
 
     def _is_stale(self, free_ns: int) -> bool:
-        return bool(self._last) and self._silence.is_stale(free_ns)
+        return bool(self._last) and self._timeout.is_stale(free_ns)
 
     def _problem(self, now_ns: int, level: Level, frame: str, text: str) -> None:
         self._problems.append(_Problem(now_ns, level, _NUMBER.sub("", text), frame, text))
@@ -158,7 +158,7 @@ class EvaluatorStatus:
 
 
 def _merged(alike: Sequence[_Problem]) -> str:
-    """The same trouble of several frames in one line that names the first and the last."""
+    """The same problem of several frames in one line that names the first and the last."""
     first, last = alike[0], alike[-1]
     if len(alike) == 1:
         return first.text

@@ -1,4 +1,4 @@
-"""Lost messages: under RELIABLE the middleware reports none where a newer message took an older one's place."""
+"""Counts lost messages: with RELIABLE the middleware does not report those that a newer message replaced."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from __future__ import annotations
 class GapCounter:
     """How many messages of a publisher never arrived, from the gaps in its numbering.
 
-    before: how many the publisher had sent when the first one arrived, whether or not it was meant for us.
+    before: how many messages the publisher had sent before the first that arrived.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""ROS parameters from the settings' one table: descriptors, overrides at start, changes at run time."""
+"""ROS parameters made from settings dataclasses: descriptors, overrides at start, changes at run time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LARGEST_INTEGER = 2**63 - 1
 
 
 def table_of(settings: type[Any]) -> dict[str, Parameter]:
-    """The parameters that the fields of a settings dataclass stand for."""
+    """The parameters that the fields of a settings dataclass define."""
     return {parameter.name: parameter for parameter in parameters_of(settings)}
 
 
@@ -40,7 +40,7 @@ def declare(node: Node, table: Mapping[str, Parameter], changeable: Collection[s
 
 
 def given(node: Node, name: str) -> object:
-    """What the user gave for a parameter, before `declare` has judged it; None: nothing."""
+    """The override of a parameter before `declare` has checked it; None: there is none."""
     return node.get_parameter(name).value if node.has_parameter(name) else None
 
 
@@ -70,7 +70,7 @@ def declare_names(node: Node, name: str, doc: str) -> list[str]:
 
 
 def describe(limits: Range, value: Value, read_only: bool) -> ParameterDescriptor:
-    """What `ros2 param describe` and rqt show."""
+    """The descriptor, which `ros2 param describe` and rqt show."""
     shown = ParameterDescriptor(description=limits.doc, read_only=read_only)
     if limits.choices:
         shown.additional_constraints = f"one of {', '.join(limits.choices)}"
@@ -88,7 +88,7 @@ def describe(limits: Range, value: Value, read_only: bool) -> ParameterDescripto
 
 
 def warn_of_unknown(node: Node, known: Collection[str]) -> None:
-    """Logs every parameter that was given but that the node does not have, and what it may have been meant for."""
+    """Logs every override of a parameter that the node does not have, with similar names."""
     for name in node.get_parameters_by_prefix(""):
         if name in known or name in _OF_ROS or name.startswith("qos_overrides."):
             continue
@@ -97,17 +97,17 @@ def warn_of_unknown(node: Node, known: Collection[str]) -> None:
         node.get_logger().warning(f"parameter {name} is unknown and has no effect{meant}")
 
 
-class LiveChanges:
-    """Changes of parameters at run time: `take` puts all into force, or raises InputError and changes nothing."""
+class ParameterUpdates:
+    """Applies changes of parameters at run time: `take` applies all of them, or raises InputError and changes none."""
 
     def __init__(self, node: Node, table: Mapping[str, Parameter], take: Callable[[dict[str, Value]], None]) -> None:
         self._table = table
         self._take = take
         node.add_pre_set_parameters_callback(self._as_declared)
-        node.add_on_set_parameters_callback(self._judge)
+        node.add_on_set_parameters_callback(self._apply)
 
     def _as_declared(self, changed: list[RosParameter]) -> list[RosParameter]:
-        """`ros2 param set ... 1` for a float is an integer on the wire."""
+        """Integers that were given for floats, as by `ros2 param set ... 1`, as floats."""
         return [RosParameter(one.name, value=float(one.value)) if self._is_float_as_int(one) else one
                 for one in changed]
 
@@ -115,7 +115,7 @@ class LiveChanges:
         declared = self._table.get(one.name)
         return declared is not None and isinstance(declared.default, float) and type(one.value) is int
 
-    def _judge(self, changed: list[RosParameter]) -> SetParametersResult:
+    def _apply(self, changed: list[RosParameter]) -> SetParametersResult:
         try:
             self._take({one.name: one.value for one in changed if one.name in self._table})
         except InputError as error:

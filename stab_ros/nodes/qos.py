@@ -1,4 +1,4 @@
-"""Quality of service: chosen from what the publishers offer, as rosbag2 does, and looked at again as they join."""
+"""Quality of service: adapted to the offers of the publishers, as rosbag2 does, also of those that join later."""
 
 from __future__ import annotations
 
@@ -45,32 +45,32 @@ def durability_for(offers: Sequence[QoSProfile]) -> DurabilityPolicy:
 
 
 def newest_only(offers: Sequence[QoSProfile]) -> QoSProfile:
-    """The newest message wins."""
+    """Keeps the newest message only."""
     return QoSProfile(depth=1, reliability=reliability_for(offers))
 
 
 def keep_all_reliable(_offers: Sequence[QoSProfile]) -> QoSProfile:
-    """Nothing is lost; publishers that do not offer RELIABLE are refused."""
+    """Keeps all messages; publishers that do not offer RELIABLE are not connected."""
     return KEEP_ALL
 
 
 def keep_all_offered(offers: Sequence[QoSProfile]) -> QoSProfile:
-    """As much as the publishers give."""
+    """Keeps all messages, as reliable and durable as all publishers offer."""
     return QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=reliability_for(offers),
                       durability=durability_for(offers))
 
 
 def latest_latched(offers: Sequence[QoSProfile]) -> QoSProfile:
-    """The newest message, also one from before we subscribed unless a publisher does not keep it."""
+    """Keeps the newest message; a latched one too, unless a publisher does not offer TRANSIENT_LOCAL."""
     latched = all(offer.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offers)
     return QoSProfile(depth=1, reliability=reliability_for(offers),
                       durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE)
 
 
 class AdaptiveSubscription:
-    """A raw subscription that is made anew when `choose` answers otherwise to what the publishers now offer.
+    """A raw subscription that is created anew when `choose` gives another QoS for the current publishers.
 
-    fix: what the user can do about a publisher that stays incompatible.
+    fix: advice for the user about a publisher that stays incompatible.
     """
 
     def __init__(self, node: Node, msg_class: Any, topic: str, callback: RawCallback, choose: Choice, fix: str) -> None:
@@ -80,14 +80,14 @@ class AdaptiveSubscription:
         self._callback = callback
         self._choose = choose
         self._fix = fix
-        self._refused = ""
+        self._incompatible = ""
         offers = self._offers()
         self.publishers = len(offers)
         self.qos = choose(offers)
         self._subscription = self._subscribe()
 
     def refresh(self) -> None:
-        """Looks at the publishers again; to be called now and then."""
+        """Adapts to the current publishers; to be called periodically."""
         offers = self._offers()
         self.publishers = len(offers)
         wanted = self._choose(offers)
@@ -95,33 +95,33 @@ class AdaptiveSubscription:
             self.qos = wanted
             self._node.destroy_subscription(self._subscription)
             self._subscription = self._subscribe()
-        elif self._refused:
-            self._node.get_logger().error(f"{self.topic}: a publisher offers an incompatible {self._refused}, "
+        elif self._incompatible:
+            self._node.get_logger().error(f"{self.topic}: a publisher offers an incompatible {self._incompatible}, "
                                           f"nothing is received from it; {self._fix}")
-        self._refused = ""
+        self._incompatible = ""
 
     def _offers(self) -> list[QoSProfile]:
         return [info.qos_profile for info in self._node.get_publishers_info_by_topic(self.topic)]
 
     def _subscribe(self) -> Subscription:
-        callback: Any = self._callback  # rclpy's type knows no callback that wants the message info too
-        events = SubscriptionEventCallbacks(incompatible_qos=self._note_refusal)
+        callback: Any = self._callback  # rclpy's type lacks callbacks that take the message info
+        events = SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible)
         return self._node.create_subscription(
             self._msg_class, self.topic, callback, self.qos, raw=True, event_callbacks=events)
 
-    def _note_refusal(self, event: Any) -> None:
-        self._refused = policy_name(event.last_policy_kind)  # `refresh` first sees whether it can adapt
+    def _on_incompatible(self, event: Any) -> None:
+        self._incompatible = policy_name(event.last_policy_kind)  # logged by `refresh`, unless it can adapt
 
 
 def publisher_events(node: Node, topic: str) -> PublisherEventCallbacks:
-    """Logs subscribers that ask for more than is offered."""
+    """Logs subscribers that request a QoS that is not offered."""
 
-    def refused(event: Any) -> None:
+    def on_incompatible(event: Any) -> None:
         policy = policy_name(event.last_policy_kind)
         node.get_logger().error(f"{topic}: a subscriber asks for a {policy} that is not offered and gets nothing; "
                                 f"let it subscribe with {_COMPATIBLE.get(policy, 'the default ' + policy)}")
 
-    return PublisherEventCallbacks(incompatible_qos=refused)
+    return PublisherEventCallbacks(incompatible_qos=on_incompatible)
 
 
 def policy_name(kind: QoSPolicyKind) -> str:
@@ -130,9 +130,9 @@ def policy_name(kind: QoSPolicyKind) -> str:
 
 
 def replay_qos(offered_qos_profiles: str) -> QoSProfile:
-    """What a player offers for a recorded topic, given rosbag2's YAML of the recorded offers.
+    """The QoS that a player offers for a recorded topic, given rosbag2's YAML of the recorded offers.
 
-    RELIABLE and VOLATILE where the recording does not say, or where its publishers differed.
+    RELIABLE and VOLATILE if the recording holds no offers, or different ones.
     """
     kinds = {(str(offer.get("reliability")), str(offer.get("durability")))
              for offer in _recorded_offers(offered_qos_profiles)}
@@ -144,7 +144,7 @@ def replay_qos(offered_qos_profiles: str) -> QoSProfile:
 def _recorded_offers(offered_qos_profiles: str) -> list[dict[str, Any]]:
     try:
         offers = yaml.safe_load(offered_qos_profiles)
-    except (yaml.YAMLError, ValueError, RecursionError):  # it is a stranger's
+    except (yaml.YAMLError, ValueError, RecursionError):  # from a file that anybody may have written
         return []
     if not isinstance(offers, list):
         return []
@@ -152,10 +152,10 @@ def _recorded_offers(offered_qos_profiles: str) -> list[dict[str, Any]]:
 
 
 def offered_yaml(offers: Sequence[QoSProfile]) -> str:
-    """What rosbag2 writes as `offered_qos_profiles` of a topic with these publishers."""
+    """The `offered_qos_profiles` that rosbag2 writes for a topic with these publishers."""
     profiles = [
         {
-            "history": "keep_last",  # discovery does not tell the history
+            "history": "keep_last",  # discovery does not transmit the history
             "depth": _REPLAY_DEPTH,
             "reliability": offer.reliability.name.lower(),
             "durability": offer.durability.name.lower(),

@@ -1,4 +1,4 @@
-"""The file of `reference_path`: taken up when the tracker starts, written whenever its reference is another."""
+"""The file of `reference_path`: read when the tracker starts, written whenever its reference changes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from stab_ros.tracking.stabilizer import Stabilizer
 
 
 class ReferenceFile:
-    """path: "" for none.
+    """path: "" for none. saved: the reference of an earlier run, until the stabilizer has resumed from it.
 
     Raises:
         InputError: the file cannot be used, or its folder is missing.
@@ -21,45 +21,45 @@ class ReferenceFile:
     def __init__(self, path: str, logger: RcutilsLogger) -> None:
         self._path = Path(path) if path else None
         self._logger = logger
-        self._kept: tuple[object, int] | None = None  # the reference and the counter that the file holds
+        self._written: tuple[object, int] | None = None  # the reference and the reset counter that the file holds
         if self._path is not None and (self._path.suffix != ".mcap" or not self._path.parent.is_dir()):
             raise InputError(f"reference_path: {path} must name an .mcap file in a folder that exists")
         self.saved = load_reference(self._path) if self._path else None
 
     @property
-    def waits(self) -> bool:
-        """Whether there is a saved reference that the engine does not go on with yet."""
+    def is_pending(self) -> bool:
+        """Whether there is a saved reference that the stabilizer has not resumed from yet."""
         return self.saved is not None
 
-    def forget(self) -> None:
-        """Lets the engine begin anew, if it has not gone on with the saved reference yet."""
+    def discard(self) -> None:
+        """Drops a pending reference: the stabilizer starts anew."""
         self.saved = None
 
     def check_camera(self, undistorts: bool) -> None:
-        """Raises InputError where only one of the saved reference and the images to come has its distortion removed."""
+        """Raises InputError if lens distortion is removed from either the saved reference or the images, not both."""
         if self.saved is not None and undistorts != (self.saved.camera_info is not None):
             other = "false" if undistorts else "true"
             raise InputError(f"reference_path: {self._path} was saved with use_camera_info {other}, "
                              "it must be used with the same setting")
 
     def resume(self, stabilizer: Stabilizer) -> None:
-        """Lets the engine go on against the saved reference, if there is one."""
+        """Lets the stabilizer resume from the saved reference, if there is one."""
         saved, self.saved = self.saved, None
         if saved is None:
             return
         stabilizer.resume(saved.frame, saved.static_map, saved.reset_counter)
-        self._kept = stabilizer.reference, stabilizer.reset_counter
-        self._logger.info(f"going on against the reference of stamp {saved.frame.stamp_ns} ns from {self._path}")
+        self._written = stabilizer.reference, stabilizer.reset_counter
+        self._logger.info(f"resuming from the reference of stamp {saved.frame.stamp_ns} ns in {self._path}")
 
-    def keep(self, stabilizer: Stabilizer, camera_info: bytes | None) -> str:
-        """Writes what the file does not hold yet, once its ground is known; why that failed, "" if it did not."""
+    def update(self, stabilizer: Stabilizer, camera_info: bytes | None) -> str:
+        """Writes the reference if it is new and its ground is known; returns why that failed, "" if it did not."""
         state = stabilizer.reference, stabilizer.reset_counter
-        if self._path is None or stabilizer.buffering or state == self._kept:
+        if self._path is None or stabilizer.buffering or state == self._written:
             return ""
         reference, static_map = stabilizer.reference, stabilizer.static_map
         if reference is None or static_map is None:
             return ""
-        self._kept = state
+        self._written = state
         try:
             save_reference(self._path, SavedReference(reference, static_map, stabilizer.reset_counter, camera_info))
         except StabRosError as error:

@@ -1,4 +1,4 @@
-"""How a node's process starts, spins and ends; what all our nodes have in common."""
+"""How the process of a node starts, spins and ends; the base class of the nodes."""
 
 from __future__ import annotations
 
@@ -27,25 +27,27 @@ from rclpy.signals import SignalHandlerOptions
 from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.kernels import Compilation
 from stab_ros.core.memory import keep_freed_memory
-from stab_ros.io.messages import WARN, diagnostics_cdr
+from stab_ros.io.diagnostics_message import WARN, diagnostics_cdr
+from stab_ros.io.topics import DIAGNOSTICS_TOPIC
 from stab_ros.jobs.compiling import not_kept
 from stab_ros.nodes import log_folder
-from stab_ros.nodes.compiling import Compiling
+from stab_ros.nodes.background_compilation import BackgroundCompilation
+from stab_ros.nodes.diagnostic_status import DiagnosticStatus
 from stab_ros.nodes.free_time import FreeTime
 from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.stopping import StopRequest, end_at_once
 from stab_ros.nodes.transport import use_profile
 
-_NO_CLOCK = "use_sim_time is set, but nobody publishes /clock; what tells the time tells zero until somebody does"
+_NO_CLOCK = "use_sim_time is set, but nobody publishes /clock; the time is zero until somebody does"
 
 
 class StabNode(Node):
     """A node with diagnostics, steady timers, and parameters that may be given to the constructor.
 
-    stop: the wish to end, for what must not wait any longer then. free: its time without anything to do.
+    stop: whether the node is to end; long waits check it. free: the time in which the node had nothing to do.
     """
 
-    COMPUTES: ClassVar[bool] = False  # with kernels, which are compiled before anything is prepared
+    COMPUTES: ClassVar[bool] = False  # whether it uses kernels, which are then compiled before `prepare`
 
     def __init__(self, name: str, given: Mapping[str, Any] | None = None) -> None:
         overrides = [Parameter(key, value=value) for key, value in (given or {}).items()]
@@ -56,39 +58,40 @@ class StabNode(Node):
         except RuntimeError as error:  # rclpy's RCLError, as where security is asked for and cannot be had
             raise InputError(f"the node cannot be made: {str(error).split(', at ')[0]}") from error
         self.stop, self.free = StopRequest(), FreeTime()
-        self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, DIAGNOSTICS_TOPIC, 10)
 
-    def on_compiling(self, so_far: Compilation) -> None:
-        """Told again and again while kernels are compiled."""
+    def on_compilation(self, progress: Compilation) -> None:
+        """Called repeatedly while kernels are compiled."""
 
     def prepare(self) -> None:
-        """What is to be done before the node says that it is ready."""
+        """Called once before `work`."""
 
     def work(self, spinner: Spinner) -> None:
-        """The node's life; returns when `spinner.stopping`, or when there is nothing left to do."""
+        """The main loop; returns when `spinner.stopping`, or when there is nothing left to do."""
         while not spinner.stopping:
             spinner.once()
 
-    def every(self, period_s: float, callback: Callable[[], None]) -> None:
-        """Calls back by the machine's clock, also while a simulated clock stands still."""
+    def create_steady_timer(self, period_s: float, callback: Callable[[], None]) -> None:
+        """A timer on the monotonic clock, which runs also while simulated time stands still."""
         self.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def report(self, level: int, message: str, values: Mapping[str, str]) -> None:
-        """One status on /diagnostics, named as the node and with its namespace as hardware."""
+    def publish_diagnostics(self, status: DiagnosticStatus) -> None:
+        """One status on /diagnostics, named as the node and with its namespace as hardware_id."""
+        level, message = status.level, status.message
         now_ns = self.get_clock().now().nanoseconds
         if now_ns == 0:  # only a simulated clock can stand there
             level, message = max(level, WARN), f"{message}; {_NO_CLOCK}"
             self.get_logger().warning(_NO_CLOCK, once=True)
         name = self.get_fully_qualified_name().lstrip("/")
-        self._diagnostics.publish(diagnostics_cdr(now_ns, name, self.get_namespace(), level, message, values))
+        self._diagnostics.publish(diagnostics_cdr(now_ns, name, self.get_namespace(), level, message, status.values))
 
-    def flush_reports(self) -> None:
-        """Before the end: lets the last report arrive."""
+    def flush_diagnostics(self) -> None:
+        """Waits until subscribers have acknowledged the last report, at most 1 s."""
         self._diagnostics.wait_for_all_acked(Duration(seconds=1))
 
 
 def run(make: Callable[[], StabNode], stop: StopRequest) -> int:
-    """A node from start to end, exit code 0.
+    """Runs a node from start to end; exit code 0.
 
     Raises:
         InputError: bad ROS arguments or parameters. WorkError: the node's work broke off.
@@ -96,28 +99,28 @@ def run(make: Callable[[], StabNode], stop: StopRequest) -> int:
     stop.defer()  # an exception in the middle of rclpy or of a destructor would be lost or leave a trace
     keep_freed_memory()
     warnings = [use_profile(), _init()]
-    compiling: Compiling | None = None
+    compilation: BackgroundCompilation | None = None
     try:
         node = make()
         node.stop = stop
         for warning in filter(None, warnings):
             node.get_logger().warning(warning)
-        compiling = Compiling() if node.COMPUTES else None
-        _spin(node, stop, compiling)
+        compilation = BackgroundCompilation() if node.COMPUTES else None
+        _spin(node, stop, compilation)
     finally:
         rclpy.try_shutdown()
-    if compiling is not None and not compiling.done:
+    if compilation is not None and not compilation.done:
         end_at_once()
     return 0
 
 
-def _spin(node: StabNode, stop: StopRequest, compiling: Compiling | None) -> None:
+def _spin(node: StabNode, stop: StopRequest, compilation: BackgroundCompilation | None) -> None:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
         spinner = Spinner(executor, stop, node.free)
-        if compiling is not None:
-            _compile(node, spinner, compiling)
+        if compilation is not None:
+            _compile(node, spinner, compilation)
         if not spinner.stopping:
             node.prepare()
             node.work(spinner)
@@ -126,20 +129,20 @@ def _spin(node: StabNode, stop: StopRequest, compiling: Compiling | None) -> Non
         node.destroy_node()
 
 
-def _compile(node: StabNode, spinner: Spinner, compiling: Compiling) -> None:
-    """Lets the node live until its kernels are compiled; says so if that takes more than finding them."""
-    log, started_s, told = node.get_logger(), time.monotonic(), False
-    while not (compiling.done or spinner.stopping):
-        node.on_compiling(compiling.so_far)
-        if compiling.so_far.compiled and not told:
-            told = True
+def _compile(node: StabNode, spinner: Spinner, compilation: BackgroundCompilation) -> None:
+    """Spins the node until its kernels are compiled; logs it unless all were found in the cache."""
+    log, started_s, logged = node.get_logger(), time.monotonic(), False
+    while not (compilation.done or spinner.stopping):
+        node.on_compilation(compilation.progress)
+        if compilation.progress.compiled and not logged:
+            logged = True
             log.info("compiling kernels, once after an installation; no images are taken until that is done")
         spinner.once()
-    if compiling.done:
-        _tell_compiled(log, compiling.result, time.monotonic() - started_s)
+    if compilation.done:
+        _log_compilation(log, compilation.result, time.monotonic() - started_s)
 
 
-def _tell_compiled(log: RcutilsLogger, result: Compilation, seconds: float) -> None:
+def _log_compilation(log: RcutilsLogger, result: Compilation, seconds: float) -> None:
     if result.compiled:
         log.info(f"compiled {result.compiled} of {result.total} kernels in {seconds:.1f} s")
     if result.trouble:
@@ -147,11 +150,11 @@ def _tell_compiled(log: RcutilsLogger, result: Compilation, seconds: float) -> N
 
 
 def _init() -> str:
-    """Joins ROS; a warning, "" for none."""
+    """Initialises rclpy; returns a warning, "" for none."""
     set_logger_level("rcl", LoggingSeverity.FATAL)  # rcl would print its own line beside ours
-    warning = log_folder.trouble(os.environ)
+    warning = log_folder.problem(os.environ)
     try:
-        rclpy.init(args=[*sys.argv, *(log_folder.WITHOUT if warning else ())],
+        rclpy.init(args=[*sys.argv, *(log_folder.NO_LOG_FILE if warning else ())],
                    signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # rclpy's RCLError is not public
         raise InputError(f"the ROS arguments cannot be used: {str(error).split(', at ')[0]}") from error

@@ -1,4 +1,4 @@
-"""When a recorded message is due: bag time against the machine's monotonic clock, without ROS."""
+"""When a recorded message is due: bag time against the monotonic clock; without ROS."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 
 @dataclass(frozen=True)
 class Schedule:
-    """Bag time `bag_start_ns` is played at `start_ns` of the monotonic clock, `rate` times as fast as recorded."""
+    """Bag time `bag_start_ns` is played at monotonic time `start_ns`, `rate` times as fast as recorded."""
 
     bag_start_ns: int
     start_ns: int
     rate: float
 
     def resumed(self, late_ns: int) -> Schedule:
-        """The same after a stall: what should have been played meanwhile is not made up for in a burst."""
+        """The schedule after a stall: messages that became due meanwhile are not played in a burst."""
         return replace(self, start_ns=self.start_ns + late_ns)
 
     def due_ns(self, bag_ns: int) -> int:

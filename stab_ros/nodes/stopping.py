@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM, any number of them and at any time, end a node with exit code 0.
+"""SIGINT and SIGTERM, at any time and repeatedly, end a node with exit code 0.
 
 rclpy's own handlers shut the context down at once, with messages still queued; so a node installs these instead, and
 before the heavy imports, so that a Ctrl-C during start is a clean end too.
@@ -19,7 +19,7 @@ from stab_ros.core.text import one_line
 
 
 class StopRequest:
-    """The wish to end: raises KeyboardInterrupt while the process starts, only notes it once `defer` was called."""
+    """A request to end: raises KeyboardInterrupt while the process starts; sets `requested` only after `defer`."""
 
     def __init__(self) -> None:
         self.requested = False
@@ -28,13 +28,13 @@ class StopRequest:
 
     @contextmanager
     def while_importing(self) -> Iterator[None]:
-        """A signal ends the process at once: raised in the middle of an import it may come out as another error."""
+        """A signal ends the process at once: an exception in the middle of an import may surface as another error."""
         self._importing = True
         yield
         self._importing = False
 
     def defer(self) -> None:
-        """From now on work is not interrupted; whoever works looks at `requested`."""
+        """From now on signals do not raise; the work checks `requested`."""
         self._deferred = True
 
     def on_signal(self, _number: int, _frame: FrameType | None) -> None:
@@ -46,7 +46,7 @@ class StopRequest:
 
 
 def end_at_once() -> NoReturn:
-    """Ends the process under a thread that compiles: waiting for it takes seconds, and LLVM is not to be torn down."""
+    """Ends the process while a thread compiles: waiting takes seconds, and LLVM must not be torn down under it."""
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(0)
@@ -61,13 +61,13 @@ def until_stopped(body: Callable[[StopRequest], int]) -> int:
         return body(stop)
     except KeyboardInterrupt:
         return 0
-    finally:  # what remains is the end of the process, which a further signal must not turn into a failure
+    finally:  # a further signal must not turn the end of the process into a failure
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
 
 
 def node_main(name: str, body: Callable[[StopRequest], int]) -> int:
-    """`until_stopped` for an executable: an error of ours is one line on stderr and exit code 2 (input) or 1 (work)."""
+    """`until_stopped` for an executable: a StabRosError is one line on stderr and exit code 2 (input) or 1 (work)."""
     try:
         return until_stopped(body)
     except StabRosError as error:

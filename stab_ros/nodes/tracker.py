@@ -1,4 +1,4 @@
-"""The executable `tracker_node`: the node itself is in `tracker_node.py`, imported once signals are taken care of."""
+"""The executable `tracker_node`. The node is in `tracker_node.py`, imported once signals are handled."""
 
 from __future__ import annotations
 

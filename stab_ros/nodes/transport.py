@@ -1,8 +1,8 @@
-"""How pictures travel between processes of one machine: through shared memory that has room for them.
+"""The DDS transport of images between processes of one machine: shared memory that is large enough.
 
-Fast DDS gives a process 0.5 MB of it. Beside pictures, a small reliable message then finds no room now and then, and
-comes again only with the next heartbeat, 3 s later; all later ones of its topic wait behind it. The profile gives room
-for a colour picture in 4K, and a heartbeat every 0.1 s. Measured: docs/performance.md.
+Fast DDS gives a process 0.5 MB of it. Beside images, a small reliable message then sometimes finds no room and is
+repeated only with the next heartbeat, 3 s later; all later ones of its topic wait for it. The profile gives room for a
+colour image in 4K, and a heartbeat every 0.1 s. Measured: docs/performance.md.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _SHARED_MEMORY, _ENOUGH_BYTES = Path("/dev/shm"), 512 << 20
 
 
 def use_profile() -> str | None:
-    """Before the first DDS participant: puts our profile into force, unless the user has one; a warning, or None.
+    """Before the first DDS participant: selects our profile, unless the user has one; returns a warning, or None.
 
     With little shared memory, Fast DDS's own small segments are left as they are: ours would not fit.
     """
@@ -33,7 +33,7 @@ def use_profile() -> str | None:
 
 
 def is_chosen_by_user(environment: Mapping[str, str]) -> bool:
-    """Whether Fast DDS has been given a profile already."""
+    """Whether the user has chosen a profile for Fast DDS."""
     return any(name in environment for name in _OF_THE_USER) or _IN_THE_FOLDER.exists()
 
 

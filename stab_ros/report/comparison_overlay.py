@@ -12,7 +12,7 @@ from stab_ros.core.gray import depth_scale, to_gray
 from stab_ros.core.progress import Progress
 from stab_ros.core.types import Frame, Gray, Homography, Image
 from stab_ros.evaluation.comparison_results import Comparison, MethodResult
-from stab_ros.io.video import Decoded
+from stab_ros.io.frame_reader import Decoded
 from stab_ros.report.numbers import Numbers
 from stab_ros.report.overlay import Pair, part, worst_place
 from stab_ros.report.panel import Panel, gray_of

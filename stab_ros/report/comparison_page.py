@@ -9,7 +9,7 @@ from stab_ros.core.progress import Progress
 from stab_ros.evaluation.comparison_results import Comparison
 from stab_ros.evaluation.comparison_summary import as_json
 from stab_ros.evaluation.comparison_table import columns, heads
-from stab_ros.io.video import Decoded
+from stab_ros.io.frame_reader import Decoded
 from stab_ros.report.comparison_boxes import box_panels, cost_panels
 from stab_ros.report.comparison_overlay import Warp, overlay_panels
 from stab_ros.report.comparison_series import series_panels

@@ -12,7 +12,7 @@ from stab_ros.core.gray import depth_scale, to_gray
 from stab_ros.core.progress import Progress
 from stab_ros.core.types import Frame, Gray, Image
 from stab_ros.evaluation.results import Evaluation, TopicEvaluation
-from stab_ros.io.video import Decoded
+from stab_ros.io.frame_reader import Decoded
 from stab_ros.io.video_writer import to_bgr
 from stab_ros.report.panel import data_uri
 from stab_ros.report.sampling import leaves, partners, worst_frames

@@ -54,18 +54,6 @@ class CompetingHypothesis:
     odds: float
     odds_without_drift: float
 
-    def __str__(self) -> str:
-        chosen, other = (f"goes {_heading(drift)}" for drift in (self.ground_drift_px, self.drift_px))
-        return (f"what is ground is ambiguous: taken is a plane with {100 * (1 - self.share):.0f} % of the features, "
-                f"which {chosen}; another with {100 * self.share:.0f} %, which {other}, may be it as well; "
-                "name the water in exclude or the banks in roi")
-
-
-def _heading(rate_px: Rate) -> str:
-    """A velocity in words; 0 degrees is to the right, 90 down."""
-    degrees = round(math.degrees(math.atan2(rate_px[1], rate_px[0]))) % 360
-    return f"{math.hypot(*rate_px):.1f} px/s towards {degrees} degrees"
-
 
 @dataclass(frozen=True, eq=False)
 class Choice:

@@ -38,11 +38,6 @@ class Relief:
     px: float
     deg: float
 
-    def __str__(self) -> str:
-        return (f"parallax: parts of the ground are shifted against the rest by {self.px:.2f} px towards "
-                f"{self.deg:.0f} or {self.deg + 180:.0f} degrees, as if they were no plane; homographies may "
-                "be off by several times that, name ground at the height of the water in roi")
-
 
 class Parallax:
     """Of a reference of `size` (width, height), fed with every accepted fit."""

@@ -22,8 +22,10 @@ from stab_ros.demo.replay import HOMOGRAPHY, METRICS, RAW, STABILIZED, TRACK
 from stab_ros.demo.result import compare, read_answers
 from stab_ros.demo.verdict import Files, reach
 from stab_ros.io.bag import BagWriter, Message, open_bag
+from stab_ros.io.cdr import Header, read_stamp
 from stab_ros.io.homographies import read_homographies
-from stab_ros.io.messages import Header, homography_cdr, read_homography, read_stamp, track_cdr
+from stab_ros.io.homography_message import homography_cdr, read_homography
+from stab_ros.io.track_message import track_cdr
 
 SIZE = 960, 540
 STAMPS_NS = [row.stamp_ns for row in read_homographies(TRUTH)]

@@ -18,15 +18,15 @@ import numpy as np
 
 from stab_ros.core.errors import InputError
 from stab_ros.io.bag import Message, open_bag
+from stab_ros.io.compressed_image import decode_compressed
 from stab_ros.io.mcap_records import MAGIC, RECORD_HEAD
-from stab_ros.io.pixels import decode_compressed
 
 HUGE = (2**31, 2**32 - 1, 2**40, 2**62, 2**63, 2**64 - 1)
 _BLOCK = 4096  # bytes, of a disk
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ReadOutcome:
     """honest: only recorded messages, each once and in order. error: "" if the file was read."""
 
     task: dict[str, Any]
@@ -87,7 +87,7 @@ def read(path: Path) -> tuple[list[Message], list[str]]:
         return list(reader.messages()), list(reader.warnings)
 
 
-def outcome(task: dict[str, Any], expected: list[Message]) -> Outcome:
+def outcome(task: dict[str, Any], expected: list[Message]) -> ReadOutcome:
     path = Path(task["path"])
     began_s = time.monotonic()
     error, messages, warnings = "", list[Message](), list[str]()
@@ -98,7 +98,7 @@ def outcome(task: dict[str, Any], expected: list[Message]) -> Outcome:
     seconds = time.monotonic() - began_s
     remaining = iter(expected)
     honest = all(message in remaining for message in messages)
-    return Outcome(task, error, warnings, len(messages), len(expected) - len(messages), honest, seconds, peak_mb())
+    return ReadOutcome(task, error, warnings, len(messages), len(expected) - len(messages), honest, seconds, peak_mb())
 
 
 def peak_mb() -> float:

@@ -23,8 +23,8 @@ from mcap.writer import CompressionType
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import Writer as Writer2
 
-from stab_ros.io import messages as m
-from stab_ros.io.pixels import DECODED
+from stab_ros.io.cdr import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE
+from stab_ros.io.encodings import DECODED
 
 _TIME = JAZZY.types["builtin_interfaces/msg/Time"](sec=1_700_000_000, nanosec=123)
 _HEADER = JAZZY.types["std_msgs/msg/Header"](stamp=_TIME, frame_id="cam")
@@ -40,8 +40,8 @@ def images() -> Iterator[bytes]:
         step = _SIZE[1] * channels * bits // 8
         for big_endian, padding in ((0, 0), (1, 2)):
             data = np.arange(_SIZE[0] * (step + padding), dtype=np.uint16).astype(np.uint8)
-            message = JAZZY.types[m.IMAGE](_HEADER, *_SIZE, encoding, big_endian, step + padding, data)
-            yield bytes(JAZZY.serialize_cdr(message, m.IMAGE, little_endian=not big_endian))
+            message = JAZZY.types[IMAGE](_HEADER, *_SIZE, encoding, big_endian, step + padding, data)
+            yield bytes(JAZZY.serialize_cdr(message, IMAGE, little_endian=not big_endian))
 
 
 def _picture(channels: int = 3, bits: int = 8) -> np.ndarray:
@@ -68,8 +68,8 @@ def png_files() -> Iterator[bytes]:
 
 
 def _compressed(data: bytes) -> bytes:
-    message = JAZZY.types[m.COMPRESSED_IMAGE](_HEADER, "png", np.frombuffer(data, np.uint8))
-    return bytes(JAZZY.serialize_cdr(message, m.COMPRESSED_IMAGE))
+    message = JAZZY.types[COMPRESSED_IMAGE](_HEADER, "png", np.frombuffer(data, np.uint8))
+    return bytes(JAZZY.serialize_cdr(message, COMPRESSED_IMAGE))
 
 
 def compressed_images() -> Iterator[bytes]:
@@ -82,12 +82,12 @@ def camera_infos() -> Iterator[bytes]:
     K = np.array([400.0, 0, 240, 0, 400, 135, 0, 0, 1])
     P = np.array([400.0, 0, 240, 0, 0, 400, 135, 0, 0, 0, 1, 0])
     for model, d in (("plumb_bob", 5), ("rational_polynomial", 8), ("equidistant", 4), ("plumb_bob", 0)):
-        message = JAZZY.types[m.CAMERA_INFO](
+        message = JAZZY.types[CAMERA_INFO](
             _HEADER, 270, 480, model, np.full(d, 0.01), K, np.eye(3).ravel(), P, 0, 0, roi)
         for little_endian in (True, False):
-            yield bytes(JAZZY.serialize_cdr(message, m.CAMERA_INFO, little_endian=little_endian))
-    lost = JAZZY.types[m.CAMERA_INFO](_HEADER, 270, 480, "", np.zeros(0), K * 0, K * 0, P * 0, 0, 0, roi)
-    yield bytes(JAZZY.serialize_cdr(lost, m.CAMERA_INFO))
+            yield bytes(JAZZY.serialize_cdr(message, CAMERA_INFO, little_endian=little_endian))
+    lost = JAZZY.types[CAMERA_INFO](_HEADER, 270, 480, "", np.zeros(0), K * 0, K * 0, P * 0, 0, 0, roi)
+    yield bytes(JAZZY.serialize_cdr(lost, CAMERA_INFO))
 
 
 def _written(name: str, write: Callable[[Path], object]) -> bytes:

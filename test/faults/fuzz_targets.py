@@ -14,9 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from stab_ros.imaging.window import Window
-from stab_ros.io import messages as m
 from stab_ros.io.bag import open_bag
+from stab_ros.io.camera_message import read_camera
+from stab_ros.io.cdr import COMPRESSED_IMAGE, IMAGE, read_stamp
 from stab_ros.io.homographies import read_homographies
+from stab_ros.io.homography_message import read_homography
+from stab_ros.io.image_message import read_image
 from stab_ros.io.points import read_points, read_tracking_points
 from stab_ros.io.regions import read_area
 from stab_ros.io.static_maps import read_static_map
@@ -36,7 +39,7 @@ class Target:
 
 def _image(msgtype: str) -> Read:
     def read(cdr: bytes) -> None:
-        frame = m.read_image(cdr, msgtype)
+        frame = read_image(cdr, msgtype)
         assert frame.image.flags.c_contiguous
         assert frame.image.flags.aligned
         assert frame.image.dtype in (np.uint8, np.uint16)
@@ -98,15 +101,15 @@ _YAML = (*_NUMBERS, b"&a ", b"*a", b"<<: *x", b"!!binary", b"!!timestamp x", b"!
          b"\xe2\x80\xa8", b"[a, {b: c}]", b"qos_overrides.")
 
 TARGETS: dict[str, Target] = {
-    "image": Target(_image(m.IMAGE), 190),
-    "compressed": Target(_image(m.COMPRESSED_IMAGE), 60),
+    "image": Target(_image(IMAGE), 190),
+    "compressed": Target(_image(COMPRESSED_IMAGE), 60),
     "jpeg": Target(_file("input.jpg", lambda path: read_static_map({"static_map": path})), 20),
     "png_with_crc": Target(_png_with_crc, 40),
     "mask": Target(_file("mask.png", lambda path: read_area({"exclude": path})), 20),
     "static_map": Target(_file("map.png", lambda path: read_static_map({"static_map": path})), 20),
-    "camera": Target(m.read_camera, 90),
-    "homography": Target(m.read_homography, 70),
-    "stamp": Target(m.read_stamp, 40),
+    "camera": Target(read_camera, 90),
+    "homography": Target(read_homography, 70),
+    "stamp": Target(read_stamp, 40),
     "mcap": Target(_file("input.mcap", _bag), 180),
     "db3": Target(_file("input.db3", _bag), 30),
     "bag": Target(_file("input.bag", _bag), 30),

@@ -15,7 +15,7 @@ from stab_ros.core.types import FloatArray
 _SETTINGS: dict[str, Any] = {"queue_depth": 0, "start_s": 0.0, "stale_s": 60.0, "wait_for_subscribers": 1}
 
 
-class Stream:
+class TrackedStream:
     """The tracker keeps all frames and answers at once, unless `parameters` say otherwise.
 
     speak: whether the camera is ours.

@@ -9,7 +9,7 @@ from conftest import Command
 from live_graph import Graph, image_message
 from rcl_interfaces.srv import GetParameters
 from recordings import entries, write_mcap
-from stream import Stream
+from stream import TrackedStream
 
 from stab_ros.synthetic.flight import Shot
 
@@ -66,7 +66,7 @@ def test_bad_parameter_files_are_refused_by_the_command(
 
 
 def test_nothing_bad_is_taken_at_run_time(graph: Graph, flight: list[Shot]) -> None:
-    stream = Stream(graph)
+    stream = TrackedStream(graph)
     stream.show(image_message(flight[0].image, 1))
     stream.until_answered(1)
     names = ["method", "threshold", "min_inliers", "on_lost", "roi", "exclude", "output_roi", "reference_path"]

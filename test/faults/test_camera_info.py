@@ -12,7 +12,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import CameraInfo, Image
 
 from stab_ros.core.errors import MessageError
-from stab_ros.io.messages import read_camera
+from stab_ros.io.camera_message import read_camera
 from stab_ros.synthetic.flight import Shot
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

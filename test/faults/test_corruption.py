@@ -18,16 +18,17 @@ import numpy as np
 import pytest
 import zstandard
 from bag_makers import FLIGHT, JAZZY, by_mcap, read
-from corruption import KINDS, Outcome
+from corruption import KINDS, ReadOutcome
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Chunk
 from mcap.writer import CompressionType
 
 from stab_ros.core.errors import InputError, MessageError
+from stab_ros.io.cdr import CAMERA_INFO
 from stab_ros.io.homographies import read_homographies
+from stab_ros.io.homography_message import read_homography
 from stab_ros.io.mcap_records import MAGIC, RECORD_HEAD, RECORD_LIMIT, split
-from stab_ros.io.messages import CAMERA_INFO, read_homography
 from stab_ros.io.points import read_points
 from stab_ros.io.regions import read_area
 from stab_ros.io.static_maps import read_static_map
@@ -40,12 +41,12 @@ GIGABYTE = 2**30
 CHILD = Path(__file__).with_name("corruption.py")
 
 
-def outcomes(folder: Path, tasks: Sequence[dict[str, Any]]) -> list[Outcome]:
+def outcomes(folder: Path, tasks: Sequence[dict[str, Any]]) -> list[ReadOutcome]:
     """Of all tasks, read by one child, which stays within bounds."""
     (folder / "tasks.json").write_text(json.dumps(tasks), encoding="utf-8")
     done = subprocess.run([sys.executable, str(CHILD), str(folder / "tasks.json")], capture_output=True, text=True,
                           timeout=600, check=False)
-    found = [Outcome(**json.loads(line)) for line in done.stdout.splitlines()]
+    found = [ReadOutcome(**json.loads(line)) for line in done.stdout.splitlines()]
     assert done.returncode == 0, (done.stderr, found[-1:])
     assert len(found) == len(tasks)
     for one in found:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from live_graph import Graph, image_message
 from rclpy.serialization import serialize_message
-from stream import Stream
+from stream import TrackedStream
 
 from stab_ros.synthetic.flight import Shot
 
@@ -32,7 +32,7 @@ HOSTILE: dict[str, tuple[dict[str, object], str]] = {
 
 @pytest.mark.parametrize("queue_depth", [0, 1])
 def test_hostile_images_are_dropped_counted_and_named(graph: Graph, flight: list[Shot], queue_depth: int) -> None:
-    stream = Stream(graph, queue_depth=queue_depth)
+    stream = TrackedStream(graph, queue_depth=queue_depth)
     stream.show(image_message(flight[0].image, 1))
     stream.until_answered(1)
     for number, (wrong, names) in enumerate(HOSTILE.values(), start=1):
@@ -48,14 +48,14 @@ def test_hostile_images_are_dropped_counted_and_named(graph: Graph, flight: list
 
 
 def test_the_log_is_not_flooded(graph: Graph, flight: list[Shot]) -> None:
-    stream = Stream(graph)
+    stream = TrackedStream(graph)
     stream.show(*[image_message(flight[0].image, number, step=1) for number in range(1, 200)])
     stream.until_told(frames_refused=199)
     assert 1 <= stream.tracker.log.count("refused an image: image step 1 is too small") <= 20
 
 
 def test_an_encoding_that_is_no_text(graph: Graph, flight: list[Shot]) -> None:
-    stream = Stream(graph)
+    stream = TrackedStream(graph)
     good = serialize_message(image_message(flight[0].image, 5))
     stream.show(good.replace(b"mono8", b"m\xff\xfe\x80\x81"), good)
     stream.until_answered(1)

@@ -15,7 +15,7 @@ from sensor_msgs.msg import Image
 from stabilised import table
 
 from stab_ros.io.bag import open_bag
-from stab_ros.io.messages import read_stamp
+from stab_ros.io.cdr import read_stamp
 from stab_ros.synthetic.flight import Shot
 
 CHUNK_S = 1.0  # at least so often one is closed

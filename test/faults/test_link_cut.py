@@ -13,7 +13,7 @@ from ailing import needs_root, plug, two_hosts
 from live_graph import graph_in, image_message, next_domain
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image
-from stream import Stream
+from stream import TrackedStream
 from truth import picture, translation
 
 CUT_S, RATE_HZ = 10.0, 10.0
@@ -42,7 +42,7 @@ def test_the_stream_resumes_and_the_gap_is_told(tmp_path: Path) -> None:
 def fly(name: str, folder: Path) -> None:
     """Where the tracker is. The cable is on the other side."""
     with graph_in(folder, int(os.environ["ROS_DOMAIN_ID"])) as graph:
-        stream = Stream(graph, speak=False, queue_depth=1, stale_s=1.0)
+        stream = TrackedStream(graph, speak=False, queue_depth=1, stale_s=1.0)
         stream.until_answered(20)
         plug(name, "down")
         stream.until_told(state="STALE")

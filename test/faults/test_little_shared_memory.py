@@ -10,7 +10,7 @@ from pathlib import Path
 from ailing import needs_root, with_shared_memory
 from live_graph import Graph, graph_in, image_message, stamp_ns
 from sensor_msgs.msg import Image
-from stream import Stream
+from stream import TrackedStream
 from truth import picture, translation
 
 FRAMES, SIZE = 60, (1920, 1080)
@@ -30,7 +30,7 @@ def test_the_tracker_works_at_1080p(tmp_path: Path) -> None:
 def live(graph: Graph) -> None:
     shown = [picture(translation(0.7 * k, 0.3 * k), SIZE) for k in range(4)]
     pictures: list[Image] = graph.listen(Image, "/image_stabilized", 100)
-    stream = Stream(graph, qos=1, queue_depth=1, wait_for_subscribers=1)
+    stream = TrackedStream(graph, qos=1, queue_depth=1, wait_for_subscribers=1)
     for number in range(FRAMES):
         before = len(stream.answers)
         stream.show(image_message(shown[number % 4], number + 1))

@@ -9,7 +9,7 @@ import pytest
 from live_graph import Graph, image_message
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image
-from stream import Stream
+from stream import TrackedStream
 
 from stab_ros.synthetic.flight import Shot
 
@@ -20,7 +20,7 @@ BURST = 200
 @pytest.mark.parametrize("queue_depth", [0, 1])
 def test_a_burst_of_200_frames(graph: Graph, flight: list[Shot], queue_depth: int) -> None:
     """Kept, every frame is answered; else the newest one soon, and what was passed over is counted."""
-    stream = Stream(graph, queue_depth=queue_depth, qos=300 if queue_depth == 0 else 1)
+    stream = TrackedStream(graph, queue_depth=queue_depth, qos=300 if queue_depth == 0 else 1)
     stream.show(image_message(flight[0].image, 1))
     stream.until_answered(1)
     begin_s, last = time.monotonic(), BURST + 1
@@ -42,7 +42,7 @@ def test_a_burst_of_200_frames(graph: Graph, flight: list[Shot], queue_depth: in
 
 def test_dropped_late_and_repeated_frames(graph: Graph, flight: list[Shot]) -> None:
     """As a bad radio link delivers them; nothing that comes stays without an answer."""
-    stream = Stream(graph)
+    stream = TrackedStream(graph)
     order = [0, 1, 3, 2, 2, 6, 7, 5, 9, 9]  # 4 and 8 never come
     for k in order:
         stream.show(image_message(flight[k].image, k * 40 * MS + 1))
@@ -55,7 +55,7 @@ def test_dropped_late_and_repeated_frames(graph: Graph, flight: list[Shot]) -> N
 def test_a_subscriber_that_stands_still_holds_nobody_up(graph: Graph, flight: list[Shot]) -> None:
     """An evaluator that is stopped, RELIABLE, of pictures and homographies; the tracker does not wait for it."""
     evaluator = graph.start("evaluator_node")
-    stream = Stream(graph, queue_depth=1, wait_for_subscribers=2, qos=QoSProfile(depth=1))
+    stream = TrackedStream(graph, queue_depth=1, wait_for_subscribers=2, qos=QoSProfile(depth=1))
     stream.show(image_message(flight[0].image, 1))
     stream.until_answered(1)
     evaluator.process.send_signal(signal.SIGSTOP)

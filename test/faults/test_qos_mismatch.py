@@ -6,7 +6,7 @@ import pytest
 from live_graph import Graph, image_message
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, Image
-from stream import Stream
+from stream import TrackedStream
 
 from stab_ros.synthetic.flight import Shot
 
@@ -42,7 +42,7 @@ def test_a_best_effort_camera(graph: Graph, flight: list[Shot]) -> None:
 
 
 def test_a_camera_that_becomes_reliable_again_is_kept(graph: Graph, flight: list[Shot]) -> None:
-    stream = Stream(graph, queue_depth=1, qos=BEST_EFFORT)
+    stream = TrackedStream(graph, queue_depth=1, qos=BEST_EFFORT)
     graph.node.destroy_publisher(stream.camera)
     stream.camera = graph.speak(Image, "/image_raw", QoSProfile(depth=1))
     sent = 0

@@ -14,7 +14,7 @@ from live_graph import Graph, image_message, values_of
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import Trigger
-from stream import Stream
+from stream import TrackedStream
 from truth import picture, translation
 
 from stab_ros.core.types import Frame
@@ -27,7 +27,7 @@ S, MS = 10**9, 10**6
 
 
 def test_a_camera_that_falls_silent_and_restarts(graph: Graph, flight: list[Shot]) -> None:
-    stream = Stream(graph, stale_s=1.0)
+    stream = TrackedStream(graph, stale_s=1.0)
     stream.show(*[image_message(flight[k].image, k * 40 * MS + 1) for k in range(3)])
     stream.until_told(state="STALE", frames_tracked=3)
     stream.until_said("no image for ", level=2)
@@ -44,7 +44,7 @@ def test_a_camera_that_falls_silent_and_restarts(graph: Graph, flight: list[Shot
 
 def test_a_silence_within_the_start_is_no_loss(graph: Graph, flight: list[Shot]) -> None:
     """What was deferred is answered once nothing more comes."""
-    stream = Stream(graph, start_s=5.0, stale_s=0.5)
+    stream = TrackedStream(graph, start_s=5.0, stale_s=0.5)
     stream.show(*[image_message(flight[k].image, k * 40 * MS + 1) for k in range(5)])
     stream.until_answered(5)
     assert stream.stamps == [k * 40 * MS + 1 for k in range(5)]
@@ -54,7 +54,7 @@ def test_a_killed_subscriber_holds_nobody_up(graph: Graph, flight: list[Shot], t
     """A recorder of the pictures is killed in mid-stream; the tracker, which never waits for it, answers on."""
     recorder = graph.start("bag_recorder_node", output=str(tmp_path / "out.mcap"),
                            topics=["/homography", "/image_stabilized"])
-    stream = Stream(graph, queue_depth=1, wait_for_subscribers=2)
+    stream = TrackedStream(graph, queue_depth=1, wait_for_subscribers=2)
     for k in range(5):
         stream.show(image_message(flight[k].image, k + 1))
         stream.until_answered(k + 1)
@@ -70,7 +70,7 @@ def test_a_killed_tracker_goes_on_against_the_same_reference(
     graph: Graph, flight: list[Shot], tmp_path: Path
 ) -> None:
     kept = tmp_path / "reference.mcap"
-    stream = Stream(graph, reference_path=str(kept), start_s=0.1, stale_s=1.0)
+    stream = TrackedStream(graph, reference_path=str(kept), start_s=0.1, stale_s=1.0)
     graph.call(Trigger, "/tracker_node/reset_reference", Trigger.Request())
     stream.show(*[image_message(flight[k].image, 1000 + k * 40 * MS) for k in range(5)])
     stream.until_answered(5)
@@ -78,7 +78,7 @@ def test_a_killed_tracker_goes_on_against_the_same_reference(
     assert stream.tracker.stop(signal.SIGKILL) == -signal.SIGKILL
     before = len(stream.answers)
     stream.restart()
-    assert "going on against the reference of stamp 1000 ns" in stream.tracker.log
+    assert "resuming from the reference of stamp 1000 ns" in stream.tracker.log
     tracks = graph.listen(DiagnosticArray, "/tracker_node/track")
     graph.until(lambda: graph.node.count_publishers("/tracker_node/track"), "discovery")
     references = graph.listen(Image, "/tracker_node/reference_image", LATCHED)
@@ -103,7 +103,7 @@ def test_a_killed_tracker_goes_on_against_the_same_reference(
 def test_a_restarted_tracker_undistorts_as_before(graph: Graph, flight: list[Shot], tmp_path: Path) -> None:
     """It knows the camera of its reference, and does not take another one's description."""
     kept = tmp_path / "reference.mcap"
-    stream = Stream(graph, reference_path=str(kept), use_camera_info=True)
+    stream = TrackedStream(graph, reference_path=str(kept), use_camera_info=True)
     infos = graph.speak(CameraInfo, "/camera_info", LATCHED)
     K = [400.0, 0.0, 240.0, 0.0, 400.0, 135.0, 0.0, 0.0, 1.0]
     infos.publish(CameraInfo(width=480, height=270, distortion_model="plumb_bob", d=[-0.1, 0.01, 0, 0, 0], k=K))
@@ -141,7 +141,7 @@ def test_a_saved_reference_waits_for_the_compiler_and_may_be_given_up(
     assert graph.call(Trigger, "/tracker_node/reset_reference", Trigger.Request()).success
     assert graph.set_parameter("/tracker_node", "threshold", 1.0) == (True, "")
     graph.until(lambda: "ready" in tracker.log, "the tracker ready")
-    assert "going on against" not in tracker.log
+    assert "resuming from" not in tracker.log
 
 
 def words(path: Path, _flight: list[Shot]) -> None:

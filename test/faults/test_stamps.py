@@ -11,7 +11,7 @@ from live_graph import Graph, image_message
 from recordings import entries, write_mcap
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo
-from stream import Stream
+from stream import TrackedStream
 
 from stab_ros.synthetic.flight import Shot
 
@@ -41,7 +41,7 @@ def test_odd_stamps_are_answered_counted_and_said(
     graph: Graph, flight: list[Shot], course: str, start_s: float
 ) -> None:
     stamps, counted = COURSES[course]
-    stream = Stream(graph, start_s=start_s, stale_s=2.0)
+    stream = TrackedStream(graph, start_s=start_s, stale_s=2.0)
     stream.show(*[image_message(flight[k].image, stamp) for k, stamp in enumerate(stamps)])
     stream.until_answered(len(stamps))
     assert stream.stamps == stamps
@@ -55,7 +55,7 @@ def test_odd_stamps_are_answered_counted_and_said(
 
 
 def test_duplicates_are_dropped_and_counted(graph: Graph, flight: list[Shot]) -> None:
-    stream = Stream(graph)
+    stream = TrackedStream(graph)
     for k in range(6):
         stream.show(*[image_message(flight[k].image, T0 + k * 40 * MS)] * (1 + k % 3))
     stream.until_answered(6)
@@ -90,7 +90,7 @@ def test_a_looped_recording_through_tracker_and_evaluator(graph: Graph, flight: 
 
 
 def test_a_simulated_clock_that_nobody_tells(graph: Graph, flight: list[Shot]) -> None:
-    stream = Stream(graph, use_sim_time=True)
+    stream = TrackedStream(graph, use_sim_time=True)
     stream.show(*[image_message(flight[k].image, T0 + k) for k in range(5)])
     stream.until_answered(5)
     stream.until_said("use_sim_time is set, but nobody publishes /clock")

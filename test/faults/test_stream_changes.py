@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from live_graph import Graph, image_message
-from stream import Stream
+from stream import TrackedStream
 
 from stab_ros.core.types import Gray
 from stab_ros.synthetic.flight import Shot
@@ -32,7 +32,7 @@ def test_another_size_or_encoding_is_a_new_reference(
     graph: Graph, flight: list[Shot], other: object, kind: str, start_s: float
 ) -> None:
     assert callable(other)
-    stream = Stream(graph, start_s=start_s, stale_s=2.0)
+    stream = TrackedStream(graph, start_s=start_s, stale_s=2.0)
     for k in range(9):
         make = other if 3 <= k < 6 else image_message
         stream.show(make(flight[k].image, (1 + k) * 40 * MS))
@@ -48,7 +48,7 @@ def test_another_size_or_encoding_is_a_new_reference(
 
 def test_one_strange_image_is_not_the_end_of_the_reference(graph: Graph, flight: list[Shot]) -> None:
     """A flat or tiny one in between, as drivers send when they start."""
-    stream = Stream(graph)
+    stream = TrackedStream(graph)
     stream.show(image_message(flight[0].image, 1), image_message(np.zeros((100, 100), np.uint8), 2),
                 image_message(np.zeros((8, 8), np.uint8), 3), image_message(flight[1].image, 4))
     stream.until_answered(3)

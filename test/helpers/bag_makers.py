@@ -10,7 +10,8 @@ from mcap.writer import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from stab_ros.io.bag import BagWriter, Message, Topic, open_bag, topic_of
-from stab_ros.io.messages import CAMERA_INFO, IMAGE, Header, image_cdr
+from stab_ros.io.cdr import CAMERA_INFO, IMAGE, Header
+from stab_ros.io.image_message import image_cdr
 
 START_NS = 1_700_000_000_000_000_000
 FOREVER = "{sec: 9223372036, nsec: 854775807}"
@@ -29,13 +30,13 @@ def text_cdr(text: str) -> bytes:
 
 
 def flight(count: int = 12) -> list[Message]:
-    """Pictures of noise and texts, as a camera and a node would send them."""
+    """Images of noise and texts, as a camera and a node would send them."""
     rng = np.random.default_rng(0)
     messages = []
     for i in range(count):
         stamp = START_NS + i * 40_000_000
-        picture = image_cdr(rng.integers(0, 256, (60, 80), np.uint8), "mono8", Header(stamp, "cam"))
-        messages += [Message("/cam/image_raw", stamp + 3, stamp + 1, picture),
+        image = image_cdr(rng.integers(0, 256, (60, 80), np.uint8), "mono8", Header(stamp, "cam"))
+        messages += [Message("/cam/image_raw", stamp + 3, stamp + 1, image),
                      Message("/notes", stamp + 5, stamp + 4, text_cdr(f"note {i} " + "x" * i))]
     return messages
 
@@ -71,7 +72,7 @@ def by_mcap(path: Path, messages: list[Message] = FLIGHT, **options: Any) -> Pat
 
 
 class Read(NamedTuple):
-    """All that a reader gives."""
+    """The content of a recording, by our reader."""
 
     messages: list[Message]
     warnings: list[str]

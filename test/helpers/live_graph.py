@@ -67,7 +67,7 @@ class Graph:
 
     def __init__(self, folder: Path, domain: int | None = None) -> None:
         self._folder = folder
-        use_profile()  # the observer publishes pictures too
+        use_profile()  # the observer publishes images too
         domain = domain or next_domain()
         self.environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_LOG_DIR": str(folder)}
         self.context = Context()

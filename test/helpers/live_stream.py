@@ -1,4 +1,4 @@
-"""A stabilised stream made by hand, as a tracker would publish it."""
+"""A synthetic stabilised stream, as a tracker would publish it."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from stab_ros.core.types import Gray
 
 
 def still(ground: Gray, number: int, shift_px: int = 0) -> Gray:
-    """What a perfect tracker makes of a flight: the same place, noise of its own, and perhaps a jump to the right."""
+    """An image of a perfect tracker: the same ground, independent noise, and a shift to the right if asked for."""
     height, width = ground.shape
     noise = np.random.default_rng(number).normal(0.0, 1.0, (height - 16, width - 16))
     return np.clip(ground[8:-8, 8 - shift_px : width - 8 - shift_px] + noise, 0, 255).astype(np.uint8)
 
 
-class Stream:
-    """What a tracker publishes, made by hand: frame after frame, 40 ms apart."""
+class StabilizedStream:
+    """Publishes frame after frame, 40 ms apart."""
 
     def __init__(self, graph: Graph, ground: Gray, homographies: bool = True) -> None:
         self.ground = ground
@@ -27,10 +27,10 @@ class Stream:
         self._images = graph.speak(Image, "/cam/image_stabilized")
         self._homographies = graph.speak(CameraInfo, "/cam/homography") if homographies else None
 
-    def send(self, count: int = 1, shift_px: int = 0, lost: bool = False, picture: Gray | None = None) -> int:
+    def send(self, count: int = 1, shift_px: int = 0, lost: bool = False, shown: Gray | None = None) -> int:
         """The number of the last frame."""
         for _ in range(count):
-            image = image_message(still(self.ground, self.number, shift_px) if picture is None else picture,
+            image = image_message(still(self.ground, self.number, shift_px) if shown is None else shown,
                                   10**9 + self.number * 40_000_000)
             if self._homographies is not None:
                 self._homographies.publish(homography_message(image, lost))

@@ -1,4 +1,4 @@
-"""ROS messages as others send them, and ways to damage them."""
+"""ROS messages as other nodes send them, and ways to damage them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from sensor_msgs.msg import Image
 
 from stab_ros.core.errors import MessageError
-from stab_ros.io.messages import Header
+from stab_ros.io.cdr import Header
 
 HEADER = Header(1_700_000_000_123_456_789, "camera")
 
@@ -46,7 +46,7 @@ def damaged(draw: st.DrawFn, sound: bytes) -> bytes:
 
 
 def complaint(read: Callable[[bytes], object], cdr: bytes) -> str:
-    """What MessageError says, "" without one; any other error fails the test."""
+    """The text of the MessageError, "" without one; any other error fails the test."""
     try:
         read(cdr)
     except MessageError as error:

@@ -7,7 +7,8 @@ import numpy as np
 from truth import picture, translation
 
 from stab_ros.core.types import Frame, Image
-from stab_ros.io.messages import IMAGE, Header, image_cdr, read_image
+from stab_ros.io.cdr import IMAGE, Header
+from stab_ros.io.image_message import image_cdr, read_image
 
 STEP_NS = 40_000_000
 

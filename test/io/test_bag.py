@@ -19,7 +19,7 @@ from rosbags.typesys import get_types_from_msg
 
 from stab_ros.core.errors import InputError, WorkError
 from stab_ros.io.bag import BagWriter, Message, definition_of, open_bag, topic_of
-from stab_ros.io.messages import IMAGE
+from stab_ros.io.cdr import IMAGE
 
 
 # what we write --------------------------------------------------------------------------------------------------------

@@ -31,7 +31,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from sensor_msgs.msg import CameraInfo
 
 from stab_ros.io.bag import BagWriter, definition_of, open_bag
-from stab_ros.io.messages import CAMERA_INFO, IMAGE, read_image
+from stab_ros.io.cdr import CAMERA_INFO, IMAGE
+from stab_ros.io.image_message import read_image
 
 
 # every format ---------------------------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -24,6 +24,7 @@ def track(H: FloatArray | None) -> Track:
     return Track(State.TRACKED, 0, 5, 5, 0, 30, 20, H, np.eye(8), 0.125, 0.25)
 
 
+@settings(deadline=None)
 @given(H=arrays(np.float64, (3, 3), elements=FINITE))
 def test_homographies_come_back_to_the_last_bit(H: FloatArray, tmp_path_factory: pytest.TempPathFactory) -> None:
     path = tmp_path_factory.mktemp("table") / "H.csv"

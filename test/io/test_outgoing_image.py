@@ -12,7 +12,8 @@ from truth import picture
 
 from stab_ros.core.geometry import shift
 from stab_ros.core.types import State, Track
-from stab_ros.io.messages import IMAGE, Header, header_of, image_cdr, read_image
+from stab_ros.io.cdr import IMAGE, Header, header_of
+from stab_ros.io.image_message import image_cdr, read_image
 from stab_ros.io.new_bytes import new_bytes
 from stab_ros.io.outgoing_image import OutgoingImage
 from stab_ros.parameters.engines import make_stabilizer

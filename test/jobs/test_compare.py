@@ -24,8 +24,9 @@ from stab_ros.core.geometry import rms_distance
 from stab_ros.core.types import Gray, State, Track
 from stab_ros.evaluation.comparison_summary import method_json
 from stab_ros.io.bag import BagWriter, topic_of
+from stab_ros.io.cdr import IMAGE, header_of
 from stab_ros.io.homographies import HomographyWriter, read_homographies
-from stab_ros.io.messages import IMAGE, header_of, image_cdr
+from stab_ros.io.image_message import image_cdr
 from stab_ros.jobs.compare import ComparisonJob, checked_methods, compare, known_methods
 from stab_ros.jobs.compare_child import Failed, Finished, Run, Step, steps_of
 from stab_ros.jobs.compare_outputs import writers_of

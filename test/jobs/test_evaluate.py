@@ -22,7 +22,9 @@ from stab_ros.evaluation.evaluator import Arrival, Evaluator
 from stab_ros.evaluation.frame_metrics import UNITS
 from stab_ros.evaluation.settings import EvaluatorConfig
 from stab_ros.io.bag import BagWriter, open_bag, topic_of
-from stab_ros.io.messages import CAMERA_INFO, IMAGE, header_of, homography_cdr, image_cdr, read_homography, read_image
+from stab_ros.io.cdr import CAMERA_INFO, IMAGE, header_of
+from stab_ros.io.homography_message import homography_cdr, read_homography
+from stab_ros.io.image_message import image_cdr, read_image
 from stab_ros.synthetic.flight import Shot
 
 CONTRACT = ("rmsd_reference", "rmsd_previous", "displacement_reference_px", "displacement_previous_px",

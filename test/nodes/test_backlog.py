@@ -37,14 +37,14 @@ def test_frames_come_out_in_order() -> None:
     assert emptied(backlog) == ["F0", "F1", "F2", "F3", "F4"]
 
 
-def test_the_oldest_pictures_are_given_up_when_memory_is_full() -> None:
+def test_the_oldest_images_are_dropped_when_memory_is_full() -> None:
     backlog, skipped = Backlog(3500), []
     for index in range(6):
         skipped += backlog.add(arrival(index), 0)
     assert [one.index for one in skipped] == [0, 1, 2]
     assert emptied(backlog) == ["F3", "F4", "F5"]
     for index in range(3):
-        assert backlog.add(arrival(index), 0) == [], "the memory of what was given up or taken is free again"
+        assert backlog.add(arrival(index), 0) == [], "the memory of dropped and removed frames is free again"
 
 
 def test_lost_frames_cost_nothing_and_stay() -> None:
@@ -56,7 +56,7 @@ def test_lost_frames_cost_nothing_and_stay() -> None:
     assert emptied(backlog) == [*(f"F{index}" for index in range(10)), "F12", "F13"]
 
 
-def test_a_single_picture_always_has_room() -> None:
+def test_a_single_image_always_has_room() -> None:
     backlog = Backlog(10)
     assert backlog.add(arrival(0), 0) == []
     assert [one.index for one in backlog.add(arrival(1), 0)] == [0]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from live_graph import Graph, NodeProcess, image_message, values_of
-from live_stream import Stream, still
+from live_stream import StabilizedStream, still
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CameraInfo, Image
 from truth import IDENTITY, frame, picture, translation
@@ -24,7 +24,7 @@ SIZE = (400, 300)
 
 @pytest.fixture(scope="module")
 def ground() -> Gray:
-    """A picture with room around it, of which `still` cuts one out."""
+    """An image with a margin, from which `still` crops one."""
     return picture(IDENTITY, (SIZE[0] + 16, SIZE[1] + 16), noise=0)
 
 
@@ -39,12 +39,12 @@ def said(diagnostics: list[Any], text: str) -> bool:
     return any(text in message.status[0].message for message in diagnostics)
 
 
-def test_pictures_of_another_tool_need_no_homographies(graph: Graph, ground: Gray) -> None:
+def test_images_of_another_tool_need_no_homographies(graph: Graph, ground: Gray) -> None:
     _, metrics, _ = listening(graph, rmse_every=1)
-    stream = Stream(graph, ground, homographies=False)
+    stream = StabilizedStream(graph, ground, homographies=False)
     stream.send(3)
     stream.send(shift_px=2)
-    graph.until(lambda: len(metrics) == 4, "every picture measured")
+    graph.until(lambda: len(metrics) == 4, "every image measured")
     values = [values_of(one) for one in metrics]
     assert [one["outcome"] for one in values] == ["REFERENCE", "MEASURED", "MEASURED", "MEASURED"]
     assert float(values[2]["displacement_reference_px"]) < 0.1
@@ -53,16 +53,16 @@ def test_pictures_of_another_tool_need_no_homographies(graph: Graph, ground: Gra
     assert float(values[3]["shift_u_px"]) == pytest.approx(2, abs=0.05)
 
 
-def test_who_joins_late_measures_against_the_reference_of_the_tracker(graph: Graph, ground: Gray) -> None:
-    """The pictures it sees all stand 2 px off; without the latched reference that would not show."""
+def test_an_evaluator_that_joins_late_measures_against_the_reference_of_the_tracker(graph: Graph, ground: Gray) -> None:
+    """All images it receives are 2 px off, which shows only against the latched reference."""
     reference = graph.node.create_publisher(Image, REFERENCE, LATCHED)
     first = still(ground, 0)
     reference.publish(image_message(first, 10**9))
     _, metrics, _ = listening(graph)
-    stream = Stream(graph, ground)
+    stream = StabilizedStream(graph, ground)
     stream.number = 50
     stream.send(4, shift_px=2)
-    graph.until(lambda: len(metrics) == 4, "every picture measured")
+    graph.until(lambda: len(metrics) == 4, "every image measured")
     by_hand = Evaluator(EvaluatorConfig())
     by_hand.use_reference(frame(first))
     for index, message in enumerate(metrics):
@@ -74,26 +74,26 @@ def test_who_joins_late_measures_against_the_reference_of_the_tracker(graph: Gra
     assert float(values_of(metrics[0])["displacement_reference_px"]) == pytest.approx(2, abs=0.3)
 
 
-def test_a_new_reference_begins_anew(graph: Graph, ground: Gray) -> None:
+def test_a_new_reference_restarts_the_comparison(graph: Graph, ground: Gray) -> None:
     _, metrics, _ = listening(graph)
     references = graph.speak(Image, REFERENCE, LATCHED)
-    stream = Stream(graph, ground)
+    stream = StabilizedStream(graph, ground)
     stream.send(2)
-    graph.until(lambda: len(metrics) == 2, "two pictures measured")
+    graph.until(lambda: len(metrics) == 2, "two images measured")
     references.publish(image_message(still(ground, stream.number, 3), 10**9 + stream.number * 40_000_000))
     stream.send(3, shift_px=3)
-    graph.until(lambda: len(metrics) == 5, "every picture measured")
+    graph.until(lambda: len(metrics) == 5, "every image measured")
     values = [values_of(one) for one in metrics]
     assert [one["outcome"] for one in values] == ["REFERENCE", "MEASURED", "REFERENCE", "MEASURED", "MEASURED"]
     assert float(values[4]["displacement_reference_px"]) < 0.1
 
 
-def test_a_change_of_brightness_is_told_and_no_motion(graph: Graph, ground: Gray) -> None:
+def test_a_change_of_brightness_is_reported_and_no_motion(graph: Graph, ground: Gray) -> None:
     _, metrics, diagnostics = listening(graph)
-    stream = Stream(graph, ground)
+    stream = StabilizedStream(graph, ground)
     stream.send(2)
     bright = np.clip(np.round(1.05 * still(ground, 2)), 0, 255).astype(np.uint8)
-    stream.send(picture=bright)
+    stream.send(shown=bright)
     graph.until(lambda: said(diagnostics, "brightness changed by +"), "the warning")
     values = values_of(metrics[2])
     assert float(values["brightness_change"]) == pytest.approx(0.05, abs=0.01)
@@ -102,9 +102,9 @@ def test_a_change_of_brightness_is_told_and_no_motion(graph: Graph, ground: Gray
     assert not said(diagnostics, "displaced")
 
 
-def test_what_is_no_image_is_refused_and_told(graph: Graph, ground: Gray) -> None:
+def test_a_damaged_image_is_refused_and_reported(graph: Graph, ground: Gray) -> None:
     evaluator, metrics, diagnostics = listening(graph)
-    stream = Stream(graph, ground, homographies=False)
+    stream = StabilizedStream(graph, ground, homographies=False)
     stream.send(2)
     broken = graph.speak(Image, "/cam/image_stabilized")
     broken.publish(image_message(still(ground, 2), 10**9 + 2 * 40_000_000, step=7))
@@ -118,10 +118,10 @@ def test_what_is_no_image_is_refused_and_told(graph: Graph, ground: Gray) -> Non
 
 def test_metres_and_thresholds_change_in_flight(graph: Graph, ground: Gray) -> None:
     _, metrics, diagnostics = listening(graph, gsd_m=0.02, fps=25.0, alarm_s=1000.0)
-    stream = Stream(graph, ground)
+    stream = StabilizedStream(graph, ground)
     stream.send(1)
     stream.send(1, shift_px=1)
-    graph.until(lambda: len(metrics) == 2, "two pictures measured")
+    graph.until(lambda: len(metrics) == 2, "two images measured")
     values = values_of(metrics[1])
     moved_px = float(values["displacement_previous_px"])
     assert moved_px == pytest.approx(1, abs=0.15)
@@ -144,8 +144,8 @@ def test_metres_and_thresholds_change_in_flight(graph: Graph, ground: Gray) -> N
     assert not said(diagnostics, "frame 3")
 
 
-def test_undistorted_pictures_are_measured_against_an_undistorted_reference(graph: Graph) -> None:
-    """The lens bends the corners by several pixels; the raw first picture would stand far off."""
+def test_undistorted_images_are_measured_against_an_undistorted_reference(graph: Graph) -> None:
+    """The lens bends the corners by several pixels; the raw first image would be far off."""
     _, metrics, _ = listening(graph)
     graph.start("tracker_node", "/cam", use_camera_info=True, queue_depth=0, wait_for_subscribers=1, start_s=0.0)
     images = graph.speak(Image, "/cam/image_raw")
@@ -156,7 +156,7 @@ def test_undistorted_pictures_are_measured_against_an_undistorted_reference(grap
     for index in range(4):
         shown = picture(translation(0.02 * index, 0.0), SIZE, noise=1.0)
         images.publish(image_message(shown, 10**9 + index * 40_000_000))
-    graph.until(lambda: len(metrics) == 4, "every picture measured")
+    graph.until(lambda: len(metrics) == 4, "every image measured")
     values = [values_of(one) for one in metrics]
     assert [one["outcome"] for one in values] == ["REFERENCE", "MEASURED", "MEASURED", "MEASURED"]
     assert max(float(one["displacement_reference_px"]) for one in values[1:]) < 0.15

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from live_graph import Graph, NodeProcess, stamp_ns, values_of
-from live_stream import Stream, name_of, still
+from live_stream import StabilizedStream, name_of, still
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from recordings import RECORDERS
 from std_msgs.msg import Float64
@@ -36,7 +36,7 @@ def shots() -> list[Shot]:
 
 @pytest.fixture(scope="module")
 def ground(shots: list[Shot]) -> Gray:
-    """A picture with room around it, of which `still` cuts one out."""
+    """An image with a margin, from which `still` crops one."""
     return np.asarray(np.pad(shots[0].image, 8, mode="reflect"))
 
 
@@ -72,8 +72,8 @@ def test_live_gives_what_the_command_gives(graph: Graph, shots: list[Shot], tmp_
         assert (live.pop("outcome"), live.pop("frame")) == (row.outcome.value, str(row.frame))
         assert live.keys() == expected.keys()
         for key, value in expected.items():
-            told = float(live[key]) if live[key] else math.nan
-            assert told == pytest.approx(math.nan if value is None else value, abs=1e-6, nan_ok=True), key
+            measured = float(live[key]) if live[key] else math.nan
+            assert measured == pytest.approx(math.nan if value is None else value, abs=1e-6, nan_ok=True), key
     for topic_name, name in (("rmse_px", "rmse_reference_px"), ("rmsd", "rmsd_reference"),
                              ("displacement_px", "displacement_reference_px")):
         assert [one.data for one in plotted[topic_name]] == pytest.approx(topic.series(name), abs=1e-6)
@@ -90,9 +90,9 @@ def evaluator_of(graph: Graph, **parameters: Any) -> tuple[NodeProcess, list[Any
     return graph.start("evaluator_node", "/cam", wait_for_subscribers=1, **parameters), *heard
 
 
-def test_trouble_raises_the_level_and_names_the_frame(graph: Graph, ground: Gray) -> None:
+def test_problems_raise_the_level_and_name_the_frame(graph: Graph, ground: Gray) -> None:
     evaluator, metrics, diagnostics = evaluator_of(graph, alarm_s=1.0, stale_s=1000.0)
-    stream = Stream(graph, ground)
+    stream = StabilizedStream(graph, ground)
 
     def calm() -> None:
         stream.send(3)
@@ -111,7 +111,7 @@ def test_trouble_raises_the_level_and_names_the_frame(graph: Graph, ground: Gray
     alarmed(f"{name_of(lost)} is lost")
     calm()
     picture = still(ground, 1000)
-    frozen = stream.send(4, picture=picture)
+    frozen = stream.send(4, shown=picture)
     alarmed(f"{name_of(frozen)}: the picture is frozen")
     calm()
     values = values_of(diagnostics[-1])

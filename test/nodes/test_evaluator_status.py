@@ -1,4 +1,4 @@
-"""What the evaluator says on /diagnostics: counts, statistics over a window, and what is wrong with which frame."""
+"""The evaluator on /diagnostics: counts, statistics over a window, and the problems of each frame."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ SECOND_NS = 10**9
 INTERVAL_NS = 40_000_000
 
 
-class Stream:
-    """A status and the frames that it is told of, 40 ms apart on one clock."""
+class StatusFeed:
+    """Feeds a status with frames, 40 ms apart on one clock."""
 
     def __init__(self, window_s: int = 60, alarm_s: int = 3, stale_s: int = 1) -> None:
         self.status = EvaluatorStatus(window_s * SECOND_NS, alarm_s * SECOND_NS, stale_s * SECOND_NS)
@@ -39,7 +39,7 @@ class Stream:
 
 
 def test_before_the_first_image_it_waits_and_says_for_what() -> None:
-    stream = Stream()
+    stream = StatusFeed()
     stream.status.waiting_for = "images on /cam/image_stabilized, nobody publishes it"
     level, message, values = stream.says()
     assert (level, values["state"]) == (Level.WARN, "WAITING")
@@ -49,7 +49,7 @@ def test_before_the_first_image_it_waits_and_says_for_what() -> None:
 
 
 def test_a_calm_stream_is_ok_and_counted() -> None:
-    stream = Stream()
+    stream = StatusFeed()
     stream.frame(outcome=Outcome.REFERENCE)
     for value in (0.1, 0.3, 0.2):
         stream.frame(displacement_reference_px=value)
@@ -62,7 +62,7 @@ def test_a_calm_stream_is_ok_and_counted() -> None:
 
 
 def test_a_finding_raises_the_level_names_its_frame_and_fades() -> None:
-    stream = Stream(alarm_s=3)
+    stream = StatusFeed(alarm_s=3)
     stream.frame()
     stream.frame(Finding(Level.ERROR, "frame 1 (0.040 s): displaced by 3.00 px against the reference"))
     for _ in range(70):
@@ -73,8 +73,8 @@ def test_a_finding_raises_the_level_names_its_frame_and_fades() -> None:
     assert stream.says()[:2] == (Level.OK, "no problem up to frame 81 (3.240 s)")
 
 
-def test_the_same_trouble_is_told_once_and_the_worst_first() -> None:
-    stream = Stream()
+def test_equal_problems_are_merged_and_the_worst_comes_first() -> None:
+    stream = StatusFeed()
     for _ in range(3):
         stream.frame(Finding(Level.WARN, f"frame {stream.number + 1}: brightness changed by +4.{stream.number + 1} %"))
     stream.frame(Finding(Level.ERROR, "frame 3 is lost"))
@@ -84,14 +84,14 @@ def test_the_same_trouble_is_told_once_and_the_worst_first() -> None:
                        "(and 2 more until frame 2 (0.080 s))")
 
 
-def test_no_more_than_three_kinds_of_trouble_are_told() -> None:
-    stream = Stream()
+def test_no_more_than_three_kinds_of_problems_are_reported() -> None:
+    stream = StatusFeed()
     stream.frame(*(Finding(Level.WARN, f"frame 0: trouble of kind {kind}") for kind in "abcde"))
     assert stream.says()[1].endswith("kind c; and 2 more")
 
 
 def test_a_stream_that_stops_is_an_error_that_names_the_last_frame() -> None:
-    stream = Stream(stale_s=1)
+    stream = StatusFeed(stale_s=1)
     stream.frame()
     stream.frame()
     stream.now_ns += 1_500_000_000
@@ -102,8 +102,8 @@ def test_a_stream_that_stops_is_an_error_that_names_the_last_frame() -> None:
     assert stream.says()[0] == Level.OK
 
 
-def test_what_could_not_be_done_in_time_is_told() -> None:
-    stream = Stream()
+def test_skipped_frames_and_checks_are_reported() -> None:
+    stream = StatusFeed()
     stream.frame()
     stream.status.on_skipped(stream.arrival(), stream.now_ns)
     stream.status.on_check_skipped(stream.arrival(), stream.now_ns)
@@ -115,8 +115,8 @@ def test_what_could_not_be_done_in_time_is_told() -> None:
     assert (values["frames_skipped"], values["checks_skipped"], values["delay_s"]) == ("1", "1", "2.000")
 
 
-def test_what_was_refused_is_told() -> None:
-    stream = Stream()
+def test_refused_messages_are_reported() -> None:
+    stream = StatusFeed()
     stream.frame()
     stream.status.on_refused(Level.WARN, "refused a message: /cam/image_stabilized: too short", stream.now_ns)
     level, message, values = stream.says()
@@ -125,7 +125,7 @@ def test_what_was_refused_is_told() -> None:
 
 
 def test_statistics_forget_what_is_older_than_their_window() -> None:
-    stream = Stream(window_s=1)
+    stream = StatusFeed(window_s=1)
     stream.frame(displacement_reference_px=9.0)
     for _ in range(30):
         stream.frame(displacement_reference_px=0.1, velocity_error_m_s=0.024)

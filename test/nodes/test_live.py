@@ -20,7 +20,8 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import Trigger
 
 from stab_ros.io.bag import open_bag
-from stab_ros.io.messages import read_homography, read_stamp
+from stab_ros.io.cdr import read_stamp
+from stab_ros.io.homography_message import read_homography
 from stab_ros.synthetic.camera_path import Gust, Pose
 from stab_ros.synthetic.flight import Flight, Shot
 
@@ -224,18 +225,18 @@ def test_state_goes_from_waiting_to_stale(graph: Graph, flight: list[Shot]) -> N
 
 def test_debug_image_is_made_for_who_listens(graph: Graph, flight: list[Shot]) -> None:
     graph.start("tracker_node", queue_depth=0, start_s=0.0)
-    pictures = graph.listen(Image, "/tracker_node/debug_image")
+    images = graph.listen(Image, "/tracker_node/debug_image")
     camera = graph.speak(Image, "/image_raw")
     graph.until(lambda: graph.node.count_publishers("/tracker_node/debug_image"), "discovery")
     for number in (0, 1):
         camera.publish(image_message(flight[number].image, number))
-    graph.until(lambda: pictures and stamp_ns(pictures[-1]) == 1, "the debug picture")
+    graph.until(lambda: images and stamp_ns(images[-1]) == 1, "the debug image")
     height, width = flight[0].image.shape
-    assert (pictures[-1].height, pictures[-1].width, pictures[-1].encoding) == (height, width, "bgr8")
+    assert (images[-1].height, images[-1].width, images[-1].encoding) == (height, width, "bgr8")
 
 
-def test_the_static_map_is_latched_and_ambiguous_ground_is_told(graph: Graph) -> None:
-    """One bank, rigid water, a camera that drifts with it: answered, with a doubt that the operator hears of."""
+def test_the_static_map_is_latched_and_ambiguous_ground_is_reported(graph: Graph) -> None:
+    """One bank, rigid water, a camera that drifts with it: tracked, with a warning of ambiguous ground."""
     scene = moved(trap("kolubara", 0.3, 0.0, width=1.2, centre=0.9), Gust(-1.5, 4.0, Pose(x_m=1.0)))
     flight = Flight(scene, (480, 270), 40, seed=3)
     diagnostics = graph.listen(DiagnosticArray, "/diagnostics")
@@ -252,7 +253,7 @@ def test_the_static_map_is_latched_and_ambiguous_ground_is_told(graph: Graph) ->
     graph.until(lambda: maps, "the map, although it came before us")
     assert (maps[0].width, maps[0].height, maps[0].encoding) == (480, 270, "mono8")
     assert set(maps[0].data) == {0, 255}
-    graph.until(lambda: any("ambiguous" in one.status[0].message for one in diagnostics), "the doubt")
-    told = next(one for one in diagnostics if "ambiguous" in one.status[0].message)
-    assert told.status[0].level == b"\x01"
-    assert 0.1 < float(values_of(told)["rival_share"]) < 0.9
+    graph.until(lambda: any("ambiguous" in one.status[0].message for one in diagnostics), "the warning")
+    warning = next(one for one in diagnostics if "ambiguous" in one.status[0].message)
+    assert warning.status[0].level == b"\x01"
+    assert 0.1 < float(values_of(warning)["rival_share"]) < 0.9

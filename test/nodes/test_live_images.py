@@ -16,7 +16,8 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from truth import picture
 
 from stab_ros.core.geometry import shift
-from stab_ros.io.messages import Header, image_cdr
+from stab_ros.io.cdr import Header
+from stab_ros.io.image_message import image_cdr
 from stab_ros.synthetic.flight import Shot
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -36,11 +37,11 @@ def test_newest_frame_wins_and_drops_are_counted(graph: Graph, flight: list[Shot
     tracker.process.send_signal(signal.SIGCONT)
     graph.until(lambda: stamp_ns(answers[-1]) == 49, "the newest frame answered")
     graph.until(lambda: diagnostics and values_of(diagnostics[-1])["frames_in"] == str(len(answers)), "the report")
-    told = values_of(diagnostics[-1])
-    assert int(told["frames_in"]) + int(told["frames_dropped"]) == 50
-    assert int(told["frames_dropped"]) > 0
-    assert told["state"] == "TRACKED"
-    assert float(told["latency_ms"]) > 0
+    values = values_of(diagnostics[-1])
+    assert int(values["frames_in"]) + int(values["frames_dropped"]) == 50
+    assert int(values["frames_dropped"]) > 0
+    assert values["state"] == "TRACKED"
+    assert float(values["latency_ms"]) > 0
 
 
 def test_a_tracker_that_is_too_slow_stays_current(graph: Graph) -> None:
@@ -56,8 +57,8 @@ def test_a_tracker_that_is_too_slow_stays_current(graph: Graph) -> None:
 
     graph.node.create_subscription(CameraInfo, "/homography", on_answer, 100)
     camera = graph.speak(Image, "/image_raw", 1)
-    pictures = [np.kron(picture(shift(0.5 * k, 0.0), (1024, 540)), np.ones((4, 4), np.uint8)) for k in range(3)]
-    messages = [image_cdr(pictures[number % 3], "mono8", Header(number)) for number in range(151)]
+    images = [np.kron(picture(shift(0.5 * k, 0.0), (1024, 540)), np.ones((4, 4), np.uint8)) for k in range(3)]
+    messages = [image_cdr(images[number % 3], "mono8", Header(number)) for number in range(151)]
     sent_s = list[float]()
 
     def send() -> None:

@@ -81,19 +81,19 @@ def test_a_tracker_without_a_home(graph: Graph) -> None:
     graph.environment["HOME"] = "/proc/1/nowhere"
     tracker = graph.start("tracker_node")
     graph.until(lambda: "ready" in tracker.log, "the tracker ready")
-    assert "no log file: /proc/1/nowhere/.ros/log cannot be made; name a folder in ROS_LOG_DIR" in tracker.log
+    assert "no log file: /proc/1/nowhere/.ros/log cannot be created; name a folder in ROS_LOG_DIR" in tracker.log
     assert tracker.stop() == 0
 
 
-def test_a_silence_that_lasts_is_answered_with_a_doubt_and_the_start_goes_on(graph: Graph) -> None:
+def test_a_long_pause_gives_provisional_homographies_and_the_start_goes_on(graph: Graph) -> None:
     camera = ImagePublisher(graph, stale_s=0.1)
     camera.show(6)
     camera.until_answered(6)
-    camera.until_said("before enough was seen to tell what is ground")
+    camera.until_said("the buffered frames got provisional homographies")
     graph.until(lambda: values_of(camera.reports[-1])["ground"] == "provisional", "the ground being provisional")
     camera.show(FRAMES - 6)
     camera.until_answered(FRAMES)
-    camera.until_said("what is ground was decided anew")
+    camera.until_said("the ground was chosen anew")
     graph.until(lambda: values_of(camera.reports[-1])["ground"] == "decided", "the ground being decided")
     assert [stamp_ns(one) for one in camera.answers] == [shot.stamp_ns for shot in shots()]
     for number, (answer, track) in enumerate(zip(camera.answers, camera.tracks, strict=True)):

@@ -22,13 +22,13 @@ def segments(pid: int) -> list[int]:
     return [int(span[2], 16) - int(span[1], 16) for span in spans if span]
 
 
-def test_a_node_has_room_for_pictures(graph: Graph) -> None:
+def test_a_node_has_shared_memory_for_images(graph: Graph) -> None:
     tracker = graph.start("tracker_node", "/cam")
     graph.speak(Image, "/cam/image_raw")
     assert max(segments(tracker.process.pid)) >= ENOUGH_BYTES
 
 
-def test_the_profile_of_the_user_counts(graph: Graph, tmp_path: Path) -> None:
+def test_the_profile_of_the_user_is_kept(graph: Graph, tmp_path: Path) -> None:
     own = tmp_path / "own.xml"
     own.write_text(USER)
     graph.environment["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(own)
@@ -39,6 +39,6 @@ def test_the_profile_of_the_user_counts(graph: Graph, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE",
                                   "FASTDDS_BUILTIN_TRANSPORTS"])
-def test_every_way_to_choose_is_known(name: str) -> None:
+def test_every_variable_of_fast_dds_is_known(name: str) -> None:
     assert is_chosen_by_user({name: str(PROFILE)})
     assert not is_chosen_by_user({"HOME": "/"})

@@ -18,7 +18,9 @@ from truth import IDENTITY, flat, frame, picture, translation
 from stab_ros import __version__
 from stab_ros.core.types import Gray, State, Track
 from stab_ros.io.bag import BagWriter, topic_of
-from stab_ros.io.messages import CAMERA_INFO, IMAGE, header_of, homography_cdr, image_cdr
+from stab_ros.io.cdr import CAMERA_INFO, IMAGE, header_of
+from stab_ros.io.homography_message import homography_cdr
+from stab_ros.io.image_message import image_cdr
 from stab_ros.report.numbers import shown
 from stab_ros.report.overlay import edges, overlaid
 from stab_ros.synthetic.flight import Shot

@@ -14,8 +14,8 @@ _STEP = Duration(nanoseconds=100_000_000)
 _PATIENCE = 300  # steps without an acknowledgement: DDS itself drops a process that was killed or stopped after 20 s
 
 
-class Outlet:
-    """One topic that we publish.
+class CdrPublisher:
+    """One topic that a node publishes.
 
     lossless: before the history of a KEEP_LAST publisher would overwrite a message that a RELIABLE subscriber has not
     acknowledged yet, `send` waits for it.
@@ -27,12 +27,12 @@ class Outlet:
             msg_class, topic, qos, event_callbacks=publisher_events(node, node.resolve_topic_name(topic)))
         self._depth = qos.depth
         self._lossless = lossless
-        self._pending = 0  # at most so many messages are not acknowledged
-        self._hung_subscribers = 0  # how many there were when we gave up on them
+        self._pending = 0  # upper bound of the messages that are not acknowledged
+        self._hung_subscribers = 0  # number of subscribers when `flush` gave up on them
 
     @property
     def topic(self) -> str:
-        """Its full name."""
+        """The full name."""
         return str(self._publisher.topic_name)
 
     @property
@@ -46,7 +46,7 @@ class Outlet:
         self._pending += 1
 
     def flush(self) -> None:
-        """Waits until every RELIABLE subscriber has acknowledged everything, or hangs."""
+        """Waits until every RELIABLE subscriber has acknowledged every message, or hangs."""
         self._pending = 0
         if self.subscribers == self._hung_subscribers != 0:
             return

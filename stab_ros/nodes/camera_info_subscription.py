@@ -1,4 +1,4 @@
-"""camera_info as the tracker needs it: the camera that took the pictures, once a usable message has come."""
+"""camera_info for the tracker: the camera that took the images, once a usable message has arrived."""
 
 from __future__ import annotations
 
@@ -10,31 +10,33 @@ from sensor_msgs.msg import CameraInfo
 
 from stab_ros.core.errors import InputError
 from stab_ros.imaging.camera import Camera
-from stab_ros.io.messages import read_camera
+from stab_ros.io.camera_message import read_camera
+from stab_ros.io.topics import CAMERA_INFO_TOPIC
 from stab_ros.nodes.qos import AdaptiveSubscription, keep_all_offered
 
 _WARN_EVERY_S = 5.0
 
 
-class CameraFeed:
-    """The camera that images are undistorted with; None until one is known.
+class CameraInfoSubscription:
+    """camera: whose lens distortion is removed from the images; None until one is known.
 
-    A later message may still correct it until `settled`: what the reference was taken with stays to the end.
+    A later message may correct it until `locked`: the camera that the reference was taken with is kept to the end.
+    message: its CameraInfo as CDR.
     """
 
     def __init__(self, node: Node, changed: Callable[[], None]) -> None:
         self.camera: Camera | None = None
-        self.message: bytes | None = None  # CDR that told of it
-        self.settled = False
+        self.message: bytes | None = None
+        self.locked = False
         self._logger = node.get_logger()
         self._changed = changed
-        self._input = AdaptiveSubscription(node, CameraInfo, "camera_info", self._on_camera, keep_all_offered,
+        self._input = AdaptiveSubscription(node, CameraInfo, CAMERA_INFO_TOPIC, self._on_camera, keep_all_offered,
                                            "let it publish VOLATILE or TRANSIENT_LOCAL, RELIABLE or BEST_EFFORT")
         self.topic = self._input.topic
 
     def restore(self, message: bytes) -> None:
-        """The camera that a reference of an earlier run was taken with. Raises MessageError for a damaged message."""
-        self.camera, self.message, self.settled = read_camera(message), message, True
+        """The camera of a reference that an earlier run saved. Raises MessageError for a damaged message."""
+        self.camera, self.message, self.locked = read_camera(message), message, True
 
     def refresh(self) -> None:
         """Follows the publishers' QoS."""
@@ -46,9 +48,9 @@ class CameraFeed:
         except InputError as error:
             self._logger.warning(f"{self.topic} is refused: {error}", throttle_duration_sec=_WARN_EVERY_S)
             return
-        if self.camera is not None and _same(camera, self.camera):
+        if self.camera is not None and _equal(camera, self.camera):
             return
-        if self.settled:
+        if self.locked:
             self._logger.warning(f"{self.topic} has changed, the camera that took the reference is kept",
                                  throttle_duration_sec=_WARN_EVERY_S)
             return
@@ -56,5 +58,5 @@ class CameraFeed:
         self._changed()
 
 
-def _same(a: Camera, b: Camera) -> bool:
+def _equal(a: Camera, b: Camera) -> bool:
     return (a.size, a.model) == (b.size, b.model) and np.array_equal(a.K, b.K) and np.array_equal(a.D, b.D)

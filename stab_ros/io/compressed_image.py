@@ -1,23 +1,17 @@
-"""The pixels of sensor_msgs/Image and CompressedImage as arrays; sizes are checked before anything is decoded.
-
-The 8-bit colour conversions are those of rosbags-image; 16-bit pictures are scaled as cv_bridge does (65535 to 255).
-"""
+"""sensor_msgs/CompressedImage: JPEG and PNG, checked before the decoder allocates anything."""
 
 from __future__ import annotations
 
 import struct
-import sys
-from typing import Any, Protocol
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.image.image import convert_color, to_cvtype
 
 from stab_ros.core.errors import MessageError
 from stab_ros.core.types import Image
+from stab_ros.io.encodings import check_pixels, to_8_bit
 
-MAX_PIXELS = 2**28  # 16384 x 16384: a larger claim is an attack or a bug, not a camera
 MAX_DECODED = 2**27  # bytes of a compressed image, decoded: 45 Mpx in 8 bit; OpenCV takes twice as much on the way
 _PNG_RATIO = 1032  # of deflate, which cannot pack more bytes into one
 _JPEG_RATIO = 512  # pixels in a byte: a block of 64 takes a bit at least
@@ -25,93 +19,7 @@ _PNG, _JPEG, _SCAN, _END = b"\x89PNG\r\n\x1a\n", b"\xff\xd8", 0xDA, b"\xff\xd9"
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # by colour type
 _JPEG_FRAMES = (0xC0, 0xC1, 0xC2)  # baseline, extended, progressive: Huffman coded
 _BARE_MARKERS = (0x00, 0x01, *range(0xD0, 0xDA))  # without a length, none of which may come before the first scan
-_MAX_SCANS = 100  # of a progressive JPEG, each of which goes over the whole picture; 10 are usual
-
-_BAYER = ("rggb", "bggr", "gbrg", "grbg")
-_YUV = ("yuv422", "uyvy", "yuv422_yuy2", "yuyv")  # two pixels share their colour
-# incoming encoding -> the encoding of the decoded frame
-DECODED = {
-    **{name: name for name in ("mono8", "mono16", "bgr8", "rgb8", "bgra8", "rgba8")},
-    "8UC1": "mono8", "8UC3": "bgr8", "8UC4": "bgra8", "16UC1": "mono16",
-    **{f"bayer_{pattern}{depth}": "bgr8" for pattern in _BAYER for depth in (8, 16)},
-    **dict.fromkeys(_YUV, "bgr8"),
-    **dict.fromkeys(("bgr16", "rgb16", "bgra16", "rgba16"), "bgr8"),
-}
-_TO_8_BIT = 255.0 / 65535.0
-
-
-class ImageMessage(Protocol):
-    """The fields of sensor_msgs/Image that describe its pixels."""
-
-    height: int
-    width: int
-    encoding: str
-    is_bigendian: int
-    step: int
-    data: NDArray[np.uint8]
-
-
-def decode_image(message: ImageMessage) -> tuple[Image, str]:
-    """The picture, C-contiguous in native byte order, and its encoding; a view of the message's bytes where it can be.
-
-    Raises:
-        MessageError: unknown encoding, or sizes that contradict each other.
-    """
-    encoding = message.encoding
-    if encoding not in DECODED:
-        raise MessageError(f"image encoding {encoding[:40]!r} is unknown, it must be one of {', '.join(DECODED)}")
-    pixels = _pixels(message)
-    if DECODED[encoding] == encoding or encoding[0].isdigit():
-        return pixels, DECODED[encoding]
-    try:
-        return _to_bgr8(pixels, encoding), "bgr8"
-    except cv2.error as error:
-        raise MessageError(f"a {encoding} image of {message.width}x{message.height} cannot be converted: "
-                           f"{error.err or error}") from error
-
-
-def _to_bgr8(pixels: Image, encoding: str) -> Image:
-    if pixels.dtype == np.uint8:
-        return convert_color(pixels, encoding, "bgr8")
-    return _to_8_bit(convert_color(pixels, encoding, "bgr16"))
-
-
-def _to_8_bit(image: Image) -> Image:
-    return np.asarray(cv2.convertScaleAbs(image, alpha=_TO_8_BIT))
-
-
-def _pixels(message: ImageMessage) -> NDArray[Any]:
-    """The message's bytes as (h, w) or (h, w, channels), row padding and foreign byte order removed."""
-    bits, _, _, channels = to_cvtype(message.encoding)
-    _check_sizes(message, bits // 8, channels)
-    foreign = bits > 8 and bool(message.is_bigendian) != (sys.byteorder == "big")
-    dtype = np.dtype(f"u{bits // 8}")
-    item = dtype.itemsize
-    raw: NDArray[Any] = np.ndarray(
-        (message.height, message.width, channels), dtype.newbyteorder() if foreign else dtype, message.data,
-        strides=(message.step, channels * item, item))
-    # aligned too: the 16-bit values of a CDR message may start at an odd address
-    whole = np.require(raw, dtype, ["C_CONTIGUOUS", "ALIGNED"])
-    return whole[:, :, 0] if channels == 1 else whole
-
-
-def _check_sizes(message: ImageMessage, item: int, channels: int) -> None:
-    """`item`: bytes of a value."""
-    w, h, step, n = message.width, message.height, message.step, len(message.data)
-    _check_pixels(w, h)
-    if step < w * item * channels:
-        raise MessageError(f"image step {step} is too small, {w} {message.encoding} pixels need {w * item * channels}")
-    if step % item:
-        raise MessageError(f"image step {step} must be a multiple of {item}, the bytes of a {message.encoding} value")
-    if n != step * h:
-        raise MessageError(f"image data holds {n} bytes, it must hold {step * h}: height {h} with step {step}")
-    if message.encoding in _YUV and w % 2:
-        raise MessageError(f"image width {w} is odd, with encoding {message.encoding} it must be even")
-
-
-def _check_pixels(width: int, height: int) -> None:
-    if not (width > 0 and height > 0 and width * height <= MAX_PIXELS):
-        raise MessageError(f"image width x height is {width}x{height} pixels, it must have 1 to {MAX_PIXELS}")
+_MAX_SCANS = 100  # of a progressive JPEG, each of which covers the whole image; 10 are usual
 
 
 def decode_compressed(data: NDArray[np.uint8]) -> Image:
@@ -121,7 +29,7 @@ def decode_compressed(data: NDArray[np.uint8]) -> Image:
         MessageError: neither JPEG nor PNG, cut short, or too large.
     """
     image = decode_file(data)
-    return image if image.dtype == np.uint8 else _to_8_bit(image)
+    return image if image.dtype == np.uint8 else to_8_bit(image)
 
 
 def decode_file(data: NDArray[np.uint8]) -> Image:
@@ -142,7 +50,7 @@ def decode_file(data: NDArray[np.uint8]) -> Image:
 
 
 def _check_file(data: bytes) -> None:
-    """What the file's own headers promise, before the decoder allocates anything."""
+    """Checks the headers of the file, before the decoder allocates anything."""
     if data.startswith(_PNG) and data[12:16] == b"IHDR" and len(data) >= 26:
         _check_png(data)
     elif data.startswith(_JPEG):
@@ -152,7 +60,7 @@ def _check_file(data: bytes) -> None:
 
 
 def _check_decoded(width: int, height: int, value_bytes: int) -> None:
-    _check_pixels(width, height)
+    check_pixels(width, height)
     if width * height * 3 * value_bytes > MAX_DECODED:
         raise MessageError(f"image width x height is {width}x{height} pixels of {3 * value_bytes} bytes, a compressed "
                            f"image must not hold more than {MAX_DECODED} bytes")
@@ -168,7 +76,7 @@ def _check_png(data: bytes) -> None:
         if end > len(data):  # OpenCV would allocate whatever length a chunk claims
             raise MessageError(f"compressed image data is cut short, the PNG chunk at byte {at} ends at byte {end}")
         if kind == b"acTL":
-            raise MessageError("compressed image data is an animated PNG, it must be a single picture")
+            raise MessageError("compressed image data is an animated PNG, it must be a single image")
         at = end
 
 

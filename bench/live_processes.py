@@ -1,0 +1,60 @@
+"""Shared by the measurements over DDS: processes on their own domain, samples of them, and the bag they play."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+from scenes import Scene
+
+from stab_ros.core.types import Frame
+from stab_ros.io.bag import BagWriter, topic_of
+from stab_ros.io.cdr import IMAGE, header_of
+from stab_ros.io.image_message import image_cdr
+from stab_ros.io.topics import RAW_TOPIC
+
+
+@dataclass(frozen=True)
+class ProcessSample:
+    """A process at a time: its processor time so far, its RssAnon and its open file descriptors."""
+
+    time_ns: int
+    processor_s: float
+    anonymous_mb: float
+    descriptors: int
+
+    @staticmethod
+    def of(pid: int) -> ProcessSample:
+        folder = Path("/proc") / str(pid)
+        ticks = sum(map(int, (folder / "stat").read_text(encoding="utf-8").rpartition(")")[2].split()[11:13]))
+        status = (folder / "status").read_text(encoding="utf-8").partition("RssAnon:")[2].split()
+        return ProcessSample(time.time_ns(), ticks / os.sysconf("SC_CLK_TCK"), int(status[0]) / 1024,
+                             len(list((folder / "fd").iterdir())))
+
+
+def start_python(domain: int, *arguments: str, stdout: int | IO[Any] | None = None,
+                 stderr: int | IO[Any] | None = None) -> subprocess.Popen[bytes]:
+    """A Python process on a DDS domain of this machine."""
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    return subprocess.Popen([sys.executable, *arguments], env=environment, stdout=stdout, stderr=stderr)
+
+
+def there_and_back(scene: Scene) -> Iterator[Frame]:
+    """The frames of a scene, so that the end of the loop meets its beginning."""
+    for frame, _ in scene.back_and_forth(2 * (len(scene.frames) - 1)):
+        yield frame
+
+
+def write_loop(path: Path, frames: Iterable[Frame]) -> None:
+    """A bag with these frames on `image_raw`."""
+    with BagWriter(path) as writer:
+        writer.add_topic(topic_of(RAW_TOPIC, IMAGE))
+        for frame in frames:
+            data = image_cdr(frame.image, frame.encoding, header_of(frame))
+            writer.write(RAW_TOPIC, frame.stamp_ns, frame.stamp_ns, data)

@@ -1,0 +1,122 @@
+"""A bag as a source: the images of one topic decoded, all other messages as they were recorded."""
+
+from __future__ import annotations
+
+import itertools
+import statistics
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+
+from stab_ros.core.errors import InputError, MessageError
+from stab_ros.core.types import Frame
+from stab_ros.imaging.camera import Camera
+from stab_ros.io.bag import BagReader, Message, Topic
+from stab_ros.io.camera_message import read_camera
+from stab_ros.io.cdr import CAMERA_INFO, COMPRESSED_IMAGE, read_stamp
+from stab_ros.io.frame_reader import DEFAULT_FPS, MAX_FPS, Decoded
+from stab_ros.io.image_message import IMAGE_TYPES, read_image
+from stab_ros.io.picture import Picture, limited, only_pictures, readable
+from stab_ros.io.topics import (
+    CAMERA_INFO_TOPIC,
+    DEBUG_IMAGE_TOPIC,
+    REFERENCE_IMAGE_TOPIC,
+    STATIC_MAP_TOPIC,
+    topic_in,
+)
+
+# how the names of topics end whose images are no stream
+REFERENCE_IMAGE, STATIC_MAP = topic_in("", REFERENCE_IMAGE_TOPIC), topic_in("", STATIC_MAP_TOPIC)
+SINGLE_IMAGES = (REFERENCE_IMAGE, STATIC_MAP, topic_in("", DEBUG_IMAGE_TOPIC))
+_RATE_FRAMES = 30
+
+
+class BagSource:
+    """A bag: its image topic decoded, all other messages as they were recorded."""
+
+    def __init__(self, path: Path, reader: BagReader, image_topic: str | None) -> None:
+        self.name = str(path)
+        self.topics = reader.topics
+        self.image_topic = _choose_topic(self.name, reader.topics, image_topic)
+        self.count: int | None = reader.topics[self.image_topic].count
+        self._reader = reader
+
+    @property
+    def warnings(self) -> list[str]:
+        return self._reader.warnings
+
+    def items(self, limit: int | None = None, others: Collection[str] | None = None) -> Iterator[Picture | Message]:
+        wanted = None if others is None else {self.image_topic, *others}
+        return readable(self.name, self.image_topic, limited(map(self._item, self._reader.messages(wanted)), limit))
+
+    def frames(self, limit: int | None = None) -> Iterator[Picture]:
+        pictures = map(self._picture, self._reader.messages([self.image_topic]))
+        return only_pictures(readable(self.name, self.image_topic, limited(pictures, limit)))
+
+    def rate_hz(self) -> float:
+        messages = itertools.islice(self._reader.messages([self.image_topic]), _RATE_FRAMES)
+        return _rate_hz([_stamp_of(message) for message in messages])
+
+    def camera(self) -> Camera:
+        name = topic_in(namespace_of(self.topics[self.image_topic]), CAMERA_INFO_TOPIC)
+        topic = self.topics.get(name)
+        if topic is None or topic.msgtype != CAMERA_INFO:
+            raise InputError(f"{self.name}: use_camera_info needs a topic {name} of type {CAMERA_INFO}, there is none")
+        for message in self._reader.messages([name]):
+            return self._fitting(name, message)
+        raise InputError(f"{self.name}: use_camera_info needs a message on {name}, there is none")
+
+    def _fitting(self, name: str, message: Message) -> Camera:
+        """The camera in a message of topic `name`, which must have the size of the first readable image."""
+        try:
+            camera = read_camera(message.data)
+        except InputError as error:
+            raise InputError(f"{self.name}: {name} cannot be used: {error}") from error
+        sizes = (picture.decoded.size for picture in self.frames() if isinstance(picture.decoded, Frame))
+        size = next(sizes, camera.size)
+        if size != camera.size:
+            raise InputError("{}: {} is for {}x{} px, the images of {} have {}x{}; it must be of the same size".format(
+                self.name, name, *camera.size, self.image_topic, *size))
+        return camera
+
+    def _item(self, message: Message) -> Picture | Message:
+        return self._picture(message) if message.topic == self.image_topic else message
+
+    def _picture(self, message: Message) -> Picture:
+        decoded: Decoded
+        try:
+            decoded = read_image(message.data, self.topics[self.image_topic].msgtype)
+            stamp_ns = decoded.stamp_ns
+        except MessageError as error:
+            decoded, stamp_ns = error, _stamp_of(message)
+        return Picture(message.log_time_ns, message.publish_time_ns, stamp_ns, decoded, message.data)
+
+
+def namespace_of(topic: Topic) -> str:
+    """The camera's namespace: `/ns` for `/ns/image_raw`, `/ns/image_raw/compressed` and any other `/ns/name`."""
+    base = topic.name.removesuffix("/compressed") if topic.msgtype == COMPRESSED_IMAGE else topic.name
+    return base.rpartition("/")[0]
+
+
+def _choose_topic(name: str, topics: Mapping[str, Topic], wanted: str | None) -> str:
+    images = sorted(topic.name for topic in topics.values() if topic.msgtype in IMAGE_TYPES)
+    if not images:
+        raise InputError(f"{name}: holds no images; it must have a topic of type {' or '.join(IMAGE_TYPES)}")
+    if wanted is not None and wanted not in images:
+        raise InputError(f"{name}: has no image topic {wanted}; its image topics are {', '.join(images)}")
+    filled = [topic for topic in images if topics[topic].count > 0 and not topic.endswith(SINGLE_IMAGES)]
+    if wanted is None and len(filled) > 1:
+        raise InputError(f"{name}: has several image topics, name one with --image-topic: {', '.join(filled)}")
+    return wanted or (filled or images)[0]
+
+
+def _stamp_of(message: Message) -> int:
+    try:
+        return read_stamp(message.data)
+    except MessageError:
+        return message.log_time_ns
+
+
+def _rate_hz(stamps_ns: list[int]) -> float:
+    steps = [after - before for before, after in itertools.pairwise(stamps_ns) if after > before]
+    rate = 1e9 / statistics.median(steps) if steps else DEFAULT_FPS
+    return rate if 0 < rate <= MAX_FPS else DEFAULT_FPS

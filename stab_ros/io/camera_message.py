@@ -1,0 +1,38 @@
+"""sensor_msgs/CameraInfo as camera drivers publish it."""
+
+from __future__ import annotations
+
+from typing import cast
+
+from rosbags.typesys.stores import ros2_jazzy as ros
+
+from stab_ros.core.errors import InputError, MessageError
+from stab_ros.imaging.camera import Camera
+from stab_ros.io.cdr import CAMERA_INFO, deserialize
+
+
+def read_camera(cdr: bytes | memoryview) -> Camera:
+    """The camera in a CameraInfo.
+
+    Raises:
+        MessageError: damaged, uncalibrated, or of an image that was binned or cropped.
+    """
+    message = cast(ros.sensor_msgs__msg__CameraInfo, deserialize(cdr, CAMERA_INFO))
+    roi, size = message.roi, (message.width, message.height)
+    cropped = (roi.x_offset, roi.y_offset) != (0, 0) or (roi.width, roi.height) not in ((0, 0), size)
+    if cropped or max(message.binning_x, message.binning_y) > 1:
+        raise MessageError("camera_info: binning and roi are not supported, it must describe the image as published")
+    try:
+        return Camera(message.k.reshape(3, 3).copy(), message.d.copy(), message.distortion_model, size)
+    except InputError as error:
+        raise MessageError(str(error)) from error
+
+
+def read_size(cdr: bytes | memoryview) -> tuple[int, int] | None:
+    """Width and height of a CameraInfo; None if they are not set.
+
+    Raises:
+        MessageError: damaged.
+    """
+    message = cast(ros.sensor_msgs__msg__CameraInfo, deserialize(cdr, CAMERA_INFO))
+    return (message.width, message.height) if message.width and message.height else None

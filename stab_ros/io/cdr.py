@@ -1,0 +1,106 @@
+"""What all ROS messages have in common here: the typestore, CDR bytes, type names, headers and stamps.
+
+Live (raw topics) and offline (bags) use the same bytes. One module per message: `image_message`, `camera_message`,
+`homography_message`, `track_message`, `metrics_message`, `diagnostics_message`.
+"""
+
+from __future__ import annotations
+
+import functools
+import struct
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.stores import ros2_jazzy as ros
+
+from stab_ros.core.errors import MessageError
+from stab_ros.core.types import Frame
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+IMAGE = "sensor_msgs/msg/Image"
+COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+DIAGNOSTIC_ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
+FLOAT64 = "std_msgs/msg/Float64"
+
+SECOND_NS = 1_000_000_000
+_ENCAPSULATION_BYTES, _STAMP_END = 4, 12
+
+
+@functools.cache
+def typestore() -> Typestore:
+    """The message types of ROS 2 Jazzy."""
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+@dataclass(frozen=True)
+class Header:
+    """std_msgs/Header.
+
+    Raises:
+        MessageError: the stamp does not fit a ROS time (32-bit seconds).
+    """
+
+    stamp_ns: int
+    frame_id: str = ""
+
+    def __post_init__(self) -> None:
+        if not -(2**31) <= self.stamp_ns // SECOND_NS < 2**31:
+            raise MessageError(f"stamp {self.stamp_ns} ns does not fit a ROS time, it must lie within 2^31 seconds")
+
+
+def header_of(frame: Frame) -> Header:
+    """The header of a frame, which every message derived from the frame carries."""
+    return Header(frame.stamp_ns, frame.frame_id)
+
+
+def header_message(header: Header) -> ros.std_msgs__msg__Header:
+    """The header as a message of the typestore."""
+    sec, nanosec = divmod(header.stamp_ns, SECOND_NS)
+    stamp = ros.builtin_interfaces__msg__Time(sec=sec, nanosec=nanosec)
+    return ros.std_msgs__msg__Header(stamp=stamp, frame_id=header.frame_id)
+
+
+def read_stamp(cdr: bytes | memoryview) -> int:
+    """The header stamp, ns, of any message that begins with a std_msgs/Header; the rest is not read.
+
+    Raises:
+        MessageError: too short for a header, or not a stamp.
+    """
+    if len(cdr) < _STAMP_END or cdr[0] != 0 or cdr[1] > 1:
+        raise MessageError(f"a message of {len(cdr)} bytes does not begin with a header in CDR")
+    sec, nanosec = struct.unpack_from("<iI" if cdr[1] else ">iI", cdr, _ENCAPSULATION_BYTES)
+    return to_ns(ros.builtin_interfaces__msg__Time(sec=sec, nanosec=nanosec))
+
+
+def to_ns(stamp: ros.builtin_interfaces__msg__Time) -> int:
+    """A stamp in ns.
+
+    Raises:
+        MessageError: a second or more in its nanoseconds.
+    """
+    if stamp.nanosec >= SECOND_NS:
+        raise MessageError(f"header stamp has {stamp.nanosec} ns, it must have less than a second of them")
+    return stamp.sec * SECOND_NS + stamp.nanosec
+
+
+def serialize(message: object, msgtype: str) -> bytes:
+    """CDR bytes of a message of the typestore."""
+    return bytes(typestore().serialize_cdr(message, msgtype))
+
+
+def deserialize(cdr: bytes | memoryview, msgtype: str) -> object:
+    """The message; its arrays are views of `cdr` if that is bytes, else of a copy, as views need immutable memory.
+
+    Raises:
+        MessageError: the bytes are no such message.
+    """
+    view = memoryview(cdr if isinstance(cdr, bytes) else bytes(cdr))  # a view, as rosbags slices the header off
+    try:
+        return typestore().deserialize_cdr(view, msgtype)
+    except (SerdeError, KeyError) as error:
+        raise MessageError(f"not a {msgtype}: {error}") from error

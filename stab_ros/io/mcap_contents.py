@@ -1,0 +1,56 @@
+"""What an MCAP file holds: its channels, schemas and blocks of messages, however they were found."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import IO, NamedTuple
+
+from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
+
+from stab_ros.io.mcap_records import RECORD_HEAD, DamagedError, Record, read_exactly, unpacked
+
+
+class Block(NamedTuple):
+    """A part of the file that holds messages: a chunk, or messages outside of chunks. Log times in ns."""
+
+    start_ns: int
+    end_ns: int
+    offset: int
+    length: int
+    channel_ids: frozenset[int]
+
+
+class McapContents:
+    """channels, schemas: by id. counts: messages by channel id. blocks: in the order of the file.
+
+    span_ns: log times of the first and the last message, None without messages.
+    """
+
+    def __init__(self) -> None:
+        self.channels: dict[int, Channel] = {}
+        self.schemas: dict[int, Schema] = {}
+        self.counts: Counter[int] = Counter()
+        self.blocks: list[Block] = []
+        self.span_ns: tuple[int, int] | None = None
+
+    def add_definition(self, record: Record | None) -> None:
+        """Adds a channel or schema; other records are ignored."""
+        if isinstance(record, Channel):
+            self.channels[record.id] = record
+        elif isinstance(record, Schema):
+            self.schemas[record.id] = record
+
+
+def block_records(file: IO[bytes], offset: int, length: int) -> memoryview:
+    """The records of a block, decompressed.
+
+    Raises:
+        DamagedError: as `read_exactly`, or the block is neither a chunk nor messages.
+    """
+    data = memoryview(read_exactly(file, offset, length))
+    if length > RECORD_HEAD.size and data[0] == Opcode.MESSAGE:
+        return data
+    if length <= RECORD_HEAD.size or RECORD_HEAD.unpack_from(data) != (Opcode.CHUNK, length - RECORD_HEAD.size):
+        raise DamagedError("is not a chunk")
+    return unpacked(data[RECORD_HEAD.size :])

@@ -1,0 +1,92 @@
+"""The contents of an MCAP file without a usable index: a scan over all its records."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from typing import IO
+
+from mcap.opcode import Opcode
+
+from stab_ros.io.mcap_contents import Block, McapContents, block_records
+from stab_ros.io.mcap_records import (
+    MAGIC,
+    NO_OPCODE,
+    RECORD_HEAD,
+    DamagedError,
+    MessageOffsets,
+    parse,
+    read_exactly,
+    split,
+)
+
+_RUN_LIMIT = 2**22  # bytes of messages outside of chunks that are read at a time
+
+
+def scan(file: IO[bytes], size: int, lost: Callable[[int, str], None]) -> McapContents:
+    """The contents of a file of `size` bytes. lost: is called with offset and reason for each damaged part."""
+    return _Scan(file, size, lost).run()
+
+
+class _Scan:
+    def __init__(self, file: IO[bytes], size: int, lost: Callable[[int, str], None]) -> None:
+        self._file, self._size, self._lost = file, size, lost
+        self._contents = McapContents()
+
+    def run(self) -> McapContents:
+        run: tuple[int, int] | None = None  # offset and end of consecutive messages outside of chunks
+        at = len(MAGIC)
+        while at < self._size:
+            opcode, end = self._head(at)
+            if end > self._size or opcode == NO_OPCODE:  # a file system that crashed may leave zeros
+                self._lost(at, "ends within a record")
+                break
+            if run and (opcode != Opcode.MESSAGE or end - run[0] > _RUN_LIMIT):
+                self._add_block(*run)
+                run = None
+            if opcode == Opcode.MESSAGE:
+                run = (run[0] if run else at), end
+            elif opcode == Opcode.CHUNK:
+                self._add_block(at, end)
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self._add_definition(at, end)
+            elif opcode in (Opcode.DATA_END, Opcode.FOOTER):
+                break
+            at = end
+        if run:
+            self._add_block(*run)
+        blocks = self._contents.blocks
+        if blocks:
+            self._contents.span_ns = min(block.start_ns for block in blocks), max(block.end_ns for block in blocks)
+        return self._contents
+
+    def _head(self, at: int) -> tuple[int, int]:
+        """Opcode and end of the record at this offset."""
+        try:
+            opcode, length = RECORD_HEAD.unpack(read_exactly(self._file, at, RECORD_HEAD.size))
+        except DamagedError:
+            opcode, length = NO_OPCODE, 0
+        return opcode, at + RECORD_HEAD.size + length
+
+    def _add_definition(self, at: int, end: int) -> None:
+        try:
+            body = read_exactly(self._file, at, end - at)
+            self._contents.add_definition(parse(body[0], body[RECORD_HEAD.size :]))
+        except DamagedError as damage:
+            self._lost(at, str(damage))
+
+    def _add_block(self, at: int, end: int) -> None:
+        offsets, counts = MessageOffsets(), Counter[int]()
+        try:
+            data = block_records(self._file, at, end - at)
+            for opcode, start, stop in split(data):
+                if opcode == Opcode.MESSAGE:
+                    counts[offsets.add(data, start, stop)] += 1
+                else:
+                    self._contents.add_definition(parse(opcode, data[start:stop]))
+        except DamagedError as damage:
+            self._lost(at, str(damage))
+            return
+        if counts:
+            self._contents.counts.update(counts)
+            self._contents.blocks.append(Block(*offsets.span_ns, at, end - at, frozenset(counts)))

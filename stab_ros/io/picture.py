@@ -1,0 +1,57 @@
+"""The images of an input as a stream, each decoded or with the reason why it cannot be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from stab_ros.core.errors import InputError
+from stab_ros.core.types import Frame
+from stab_ros.io.bag import Message
+from stab_ros.io.frame_reader import Decoded
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """One image of the stream.
+
+    decoded: its frame, or the error that decoding raised. data: the recorded message (CDR); None: there is none.
+    """
+
+    log_time_ns: int
+    publish_time_ns: int
+    stamp_ns: int
+    decoded: Decoded
+    data: bytes | None = None
+
+
+def limited(items: Iterable[Picture | Message], limit: int | None) -> Iterator[Picture | Message]:
+    """The items up to and without image number `limit`, counted from 0 (None: all)."""
+    pictures = 0
+    for item in items:
+        if isinstance(item, Picture):
+            if pictures == limit:
+                return
+            pictures += 1
+        yield item
+
+
+def readable(name: str, topic: str, items: Iterable[Picture | Message]) -> Iterator[Picture | Message]:
+    """The items of input `name`.
+
+    Raises:
+        InputError: at the end, if no image of `topic` could be decoded.
+    """
+    problem, found = "it is empty", False
+    for item in items:
+        if isinstance(item, Picture):
+            found = found or isinstance(item.decoded, Frame)
+            problem = problem if isinstance(item.decoded, Frame) else str(item.decoded)
+        yield item
+    if not found:
+        raise InputError(f"{name}: not one image of {topic} can be decoded ({problem}); it must hold at least one")
+
+
+def only_pictures(items: Iterable[Picture | Message]) -> Iterator[Picture]:
+    """The images without the other messages."""
+    return (item for item in items if isinstance(item, Picture))

@@ -1,0 +1,34 @@
+"""The names of our topics, relative to the namespace of a camera; live and in recordings."""
+
+from __future__ import annotations
+
+# what a camera driver publishes
+RAW_TOPIC = "image_raw"
+RAW_COMPRESSED_TOPIC = "image_raw/compressed"
+CAMERA_INFO_TOPIC = "camera_info"
+# what the tracker publishes
+HOMOGRAPHY_TOPIC = "homography"
+STABILIZED_TOPIC = "image_stabilized"
+TRACK_TOPIC = "track"
+REFERENCE_IMAGE_TOPIC = "reference_image"
+STATIC_MAP_TOPIC = "static_map"
+DEBUG_IMAGE_TOPIC = "debug_image"
+# what the evaluator publishes
+METRICS_TOPIC = "metrics"
+RMSE_TOPIC, RMSD_TOPIC, DISPLACEMENT_TOPIC = "rmse_px", "rmsd", "displacement_px"
+# the same in every namespace
+DIAGNOSTICS_TOPIC = "/diagnostics"
+CLOCK_TOPIC = "/clock"
+
+TRACKER_NAME, EVALUATOR_NAME = "tracker_node", "evaluator_node"
+DEFAULT_NAMESPACE = "/camera"  # of a video or a folder of images
+
+
+def topic_in(namespace: str, topic: str) -> str:
+    """The topic of one camera: `/ns/homography` for `/ns` and `homography`."""
+    return f"{namespace}/{topic}"
+
+
+def private(topic: str) -> str:
+    """The topic below its node's name: `~/track`."""
+    return topic_in("~", topic)

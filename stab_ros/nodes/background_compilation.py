@@ -1,0 +1,27 @@
+"""Compiles the kernels of a node on a thread, so that the node reports and can be stopped from the start."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+from stab_ros.core.kernels import Compilation, compile_kernels
+
+
+class BackgroundCompilation:
+    """Starts at once. The thread cannot be interrupted: to end before `done`, end the process."""
+
+    def __init__(self) -> None:
+        self.progress = Compilation(0, 0)
+        self._job = ThreadPoolExecutor(1, "compilation").submit(compile_kernels, self._update)
+
+    @property
+    def done(self) -> bool:
+        return self._job.done()
+
+    @property
+    def result(self) -> Compilation:
+        """Waits for the result; raises the exception that ended the compilation, if any."""
+        return self._job.result()
+
+    def _update(self, progress: Compilation) -> None:
+        self.progress = progress

@@ -1,0 +1,79 @@
+"""The tracker's subscription to images: transport, queue, lost messages, and images held until the camera is known."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+
+from rclpy.node import Node
+from sensor_msgs.msg import CompressedImage, Image
+
+from stab_ros.io.cdr import COMPRESSED_IMAGE, IMAGE
+from stab_ros.io.topics import RAW_COMPRESSED_TOPIC, RAW_TOPIC
+from stab_ros.nodes.gap_counter import GapCounter
+from stab_ros.nodes.qos import AdaptiveSubscription, keep_all_reliable, newest_only
+
+_HELD_IMAGES = 100
+
+
+class ImageInput:
+    """Passes every image on as CDR with the time of its publication, ns.
+
+    compressed: subscribe to image_raw/compressed. keep_all: every image counts, not only the newest. may_pass: while it
+    is false, images are held until `release`, or dropped unless `keep_all`. dropped: is told how many images were lost.
+    """
+
+    def __init__(self, node: Node, compressed: bool, keep_all: bool, may_pass: Callable[[], bool],
+                 take: Callable[[bytes, int], None], dropped: Callable[[int], None]) -> None:
+        self.msgtype = COMPRESSED_IMAGE if compressed else IMAGE
+        self._node, self._keep_all = node, keep_all
+        self._may_pass, self._take, self._dropped = may_pass, take, dropped
+        self._gaps = GapCounter()
+        self._held: deque[tuple[bytes, int]] = deque(maxlen=_HELD_IMAGES)
+        self._subscription: AdaptiveSubscription | None = None
+
+    def open(self) -> str:
+        """Subscribes; returns the full name of the topic."""
+        compressed = self.msgtype == COMPRESSED_IMAGE
+        msg_class, topic = (CompressedImage, RAW_COMPRESSED_TOPIC) if compressed else (Image, RAW_TOPIC)
+        choose = keep_all_reliable if self._keep_all else newest_only
+        self._subscription = AdaptiveSubscription(self._node, msg_class, topic, self._on_image, choose,
+                                                  "let it offer RELIABLE, or set queue_depth:=1")
+        return self._subscription.topic
+
+    @property
+    def is_open(self) -> bool:
+        return self._subscription is not None
+
+    @property
+    def publishers(self) -> int:
+        """How many there are, at the last `refresh`."""
+        return 0 if self._subscription is None else self._subscription.publishers
+
+    @property
+    def before(self) -> int:
+        """How many images were published before the first that was received."""
+        return self._gaps.before
+
+    def refresh(self) -> None:
+        """Follows the publishers' QoS."""
+        if self._subscription is not None:
+            self._subscription.refresh()
+
+    def release(self) -> None:
+        """Passes the held images on."""
+        while self._held:
+            self._take(*self._held.popleft())
+
+    def _on_image(self, cdr: bytes, info: Mapping[str, int]) -> None:
+        self._dropped(self._gaps.missed(info["publication_sequence_number"], self.publishers))
+        if self._may_pass():
+            self._take(cdr, info["source_timestamp"])
+        else:
+            self._hold(cdr, info["source_timestamp"])
+
+    def _hold(self, cdr: bytes, source_ns: int) -> None:
+        room = _HELD_IMAGES if self._keep_all else 0
+        self._dropped(int(len(self._held) >= room))
+        if room:
+            self._held.append((cdr, source_ns))

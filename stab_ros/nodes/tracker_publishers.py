@@ -1,0 +1,77 @@
+"""Everything that the tracker publishes but its diagnostics."""
+
+from __future__ import annotations
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import CameraInfo, Image
+
+from stab_ros.core.memory import give_back_memory
+from stab_ros.core.types import Frame, State, Track
+from stab_ros.imaging.camera import Camera
+from stab_ros.io.cdr import Header, header_of
+from stab_ros.io.homography_message import homography_cdr
+from stab_ros.io.image_message import image_cdr, static_map_cdr
+from stab_ros.io.outgoing_image import OutgoingImage
+from stab_ros.io.topics import (
+    DEBUG_IMAGE_TOPIC,
+    HOMOGRAPHY_TOPIC,
+    REFERENCE_IMAGE_TOPIC,
+    STABILIZED_TOPIC,
+    STATIC_MAP_TOPIC,
+    TRACK_TOPIC,
+    private,
+)
+from stab_ros.io.track_message import track_cdr
+from stab_ros.nodes.cdr_publisher import CdrPublisher
+from stab_ros.nodes.qos import LATCHED
+from stab_ros.nodes.runtime import StabNode
+from stab_ros.tracking.debug_image import draw_debug
+from stab_ros.tracking.stabilizer import Stabilizer
+from stab_ros.tracking.static_map import StaticMap
+
+
+class TrackerPublishers:
+    """lossless: homography, track and image_stabilized wait for slow RELIABLE subscribers."""
+
+    def __init__(self, node: StabNode, lossless: bool) -> None:
+        self.homography = CdrPublisher(node, CameraInfo, HOMOGRAPHY_TOPIC, QoSProfile(depth=100), lossless)
+        self._stabilized = CdrPublisher(node, Image, STABILIZED_TOPIC, QoSProfile(depth=1), lossless)
+        self._track = CdrPublisher(node, DiagnosticArray, private(TRACK_TOPIC), QoSProfile(depth=100), lossless)
+        self._reference_image = CdrPublisher(node, Image, private(REFERENCE_IMAGE_TOPIC), LATCHED)
+        self._static_map = CdrPublisher(node, Image, private(STATIC_MAP_TOPIC), LATCHED)
+        self._debug_image = CdrPublisher(node, Image, private(DEBUG_IMAGE_TOPIC), QoSProfile(depth=1))
+
+    def send_track(self, track: Track, header: Header, size: tuple[int, int], camera: Camera | None,
+                   stabilizer: Stabilizer) -> None:
+        """size: of the reference, or of the frame if it is lost without one."""
+        self.homography.send(homography_cdr(track, header, size, camera))
+        self._track.send(track_cdr(track, header, stabilizer.window))
+
+    def send_images(self, frame: Frame, track: Track, stabilizer: Stabilizer) -> None:
+        """The stabilised image and the debug image, each only if it has subscribers."""
+        header = header_of(frame)
+        if self._stabilized.subscribers:
+            message = OutgoingImage(frame.encoding, header)
+            image = stabilizer.warp(frame, track, message.allocate)
+            if image is not None:
+                self._stabilized.send(message.cdr(image))
+        if self._debug_image.subscribers:
+            self._debug_image.send(image_cdr(draw_debug(frame, stabilizer), "bgr8", header))
+
+    def send_reference(self, reference: Frame, stabilizer: Stabilizer) -> None:
+        """The reference without lens distortion, as image_stabilized shows it."""
+        identity = Track(State.TRACKED, 0, reference.stamp_ns, reference.stamp_ns, 0, ref_H_cur=np.eye(3))
+        image = stabilizer.warp(reference, identity)
+        if image is not None:
+            self._reference_image.send(image_cdr(image, reference.encoding, header_of(reference)))
+
+    def send_static_map(self, static_map: StaticMap, reference: Frame) -> None:
+        give_back_memory()
+        self._static_map.send(static_map_cdr(static_map, header_of(reference)))
+
+    def flush(self) -> None:
+        """Waits for the acknowledgements of the last results."""
+        for publisher in (self.homography, self._track, self._stabilized):
+            publisher.flush()

@@ -1,0 +1,100 @@
+"""ROS parameters: declared with description and range, overridden, and changed at run time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+import rclpy
+from live_graph import next_domain
+from rclpy.context import Context
+from rclpy.exceptions import ParameterNotDeclaredException
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+
+from stab_ros.core.errors import ConfigError, InputError
+from stab_ros.nodes import params
+from stab_ros.nodes.tracker_node import SETTINGS
+from stab_ros.parameters.table import PARAMETERS
+
+
+@pytest.fixture
+def make_node(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Node]]:
+    """Nodes with these parameters given, as on a command line."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    context = Context()
+    rclpy.init(context=context, domain_id=next_domain())
+    nodes: list[Node] = []
+
+    def make(**given_values: Any) -> Node:
+        overrides = [RosParameter(name, value=value) for name, value in given_values.items()]
+        nodes.append(rclpy.create_node("node", context=context, parameter_overrides=overrides,
+                                       automatically_declare_parameters_from_overrides=True))
+        return nodes[-1]
+
+    yield make
+    for node in nodes:
+        node.destroy_node()
+    context.shutdown()
+
+
+def test_all_parameters_are_declared_with_their_meaning_and_range(make_node: Callable[..., Node]) -> None:
+    node = make_node()
+    table = {**PARAMETERS, **SETTINGS}
+    values = params.declare(node, table, changeable=PARAMETERS)
+    assert values == {name: one.default for name, one in table.items()}
+    for name, one in table.items():
+        shown = node.describe_parameter(name)
+        assert shown.description == one.limits.doc
+        assert shown.read_only == (name in SETTINGS)
+        assert node.get_parameter(name).value == one.default
+        if one.limits.choices:
+            assert shown.additional_constraints == f"one of {', '.join(one.limits.choices)}"
+        elif one.limits.high is not None:
+            (bounds,) = shown.integer_range or shown.floating_point_range
+            assert (bounds.from_value, bounds.to_value) == (one.limits.low, one.limits.high)
+
+
+def test_overrides_are_taken_and_judged(make_node: Callable[..., Node]) -> None:
+    assert params.declare(make_node(stale_s=3, queue_depth=0), SETTINGS)["stale_s"] == 3.0
+    with pytest.raises(ConfigError, match="queue_depth: 2 is out of range"):
+        params.declare(make_node(queue_depth=2), SETTINGS)
+    with pytest.raises(ConfigError, match=r"stale_s: True is a bool, it must be a float"):
+        params.declare(make_node(stale_s=True), SETTINGS)
+    with pytest.raises(ConfigError, match=r"image_transport: \['raw'\] is a list"):
+        params.declare(make_node(image_transport=["raw"]), SETTINGS)
+
+
+@pytest.mark.parametrize(("value", "names"), [(["/a", "b"], ["/a", "b"]), ("/a", ["/a"]), (None, [])])
+def test_lists_of_names(make_node: Callable[..., Node], value: list[str] | str | None, names: list[str]) -> None:
+    node = make_node() if value is None else make_node(topics=value)
+    assert params.declare_names(node, "topics", "what to record") == names
+    assert node.describe_parameter("topics").description == "what to record"
+
+
+def test_lists_of_something_else_are_refused(make_node: Callable[..., Node]) -> None:
+    for value in (3, [1, 2], [True]):
+        with pytest.raises(ConfigError, match=r"topics: .* must be a list of names"):
+            params.declare_names(make_node(topics=value), "topics", "")
+
+
+def test_refused_change_leaves_the_old_value(make_node: Callable[..., Node]) -> None:
+    node = make_node()
+    params.declare(node, PARAMETERS, changeable=PARAMETERS)
+    taken: list[dict[str, Any]] = []
+
+    def take(values: dict[str, Any]) -> None:
+        if values.get("roi") == "nonsense":
+            raise InputError("roi: nonsense")
+        taken.append(values)
+
+    params.ParameterUpdates(node, PARAMETERS, take)
+    (refused,) = node.set_parameters([RosParameter("roi", value="nonsense")])
+    assert (refused.successful, refused.reason) == (False, "roi: nonsense")
+    assert node.get_parameter("roi").value == ""
+    assert node.set_parameters_atomically([RosParameter("threshold", value=2), RosParameter("model", value="affine")])
+    assert taken == [{"threshold": 2.0, "model": "affine"}]
+    assert node.get_parameter("threshold").value == 2.0
+    with pytest.raises(ParameterNotDeclaredException):
+        node.set_parameters([RosParameter("nonsense", value=1)])
