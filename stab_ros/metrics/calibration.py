@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from stab_ros.core.types import FloatArray, Gray, IdArray
-from stab_ros.metrics._sweep import SHIFTS_PX, Sweep
+from stab_ros.metrics._shift_response import SHIFTS_PX, Sweep
 
 FIT_TO_PX = 5.0  # the paper: a second-degree polynomial fits up to 4 to 5 px
 _FADING_FROM_PX, _FADING = 4.25, 0.8  # by so much a px less count the last shifts, where it fits worst

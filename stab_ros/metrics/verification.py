@@ -17,7 +17,7 @@ import numpy as np
 from stab_ros.core.errors import InputError
 from stab_ros.core.types import BoolArray, Gray
 from stab_ros.metrics._r2_map import candidates, quality
-from stab_ros.metrics._sweep import MARGIN_PX, Sweep
+from stab_ros.metrics._shift_response import MARGIN_PX, Sweep
 from stab_ros.metrics.calibration import Calibration, Curve, fitted, is_flat
 
 WINDOWS_PX = (15, 19, 23, 27, 31, 35, 39, 43, 47, 51)

@@ -11,7 +11,7 @@ from truth import IDENTITY, flat, picture, translation
 from stab_ros.core.errors import InputError
 from stab_ros.core.types import BoolArray, FloatArray, Gray
 from stab_ros.metrics._r2_map import quality_map
-from stab_ros.metrics._sweep import SHIFTS_PX, Sweep
+from stab_ros.metrics._shift_response import SHIFTS_PX, Sweep
 from stab_ros.metrics.calibration import Calibration, calibrate, coefficients, determination
 from stab_ros.metrics.rmsd import cut, rmsd
 from stab_ros.metrics.verification import WINDOWS_PX, VerificationPoint, calibrated_points, choose_points
