@@ -1,14 +1,14 @@
-"""Header stamps as they come, judged, and a time that goes on evenly where a clock was set."""
+"""Classification of header stamps, and a continuous time across clock changes."""
 
 from __future__ import annotations
 
 from enum import Enum
 
-_FAR_NS = 60 * 10**9  # no camera pauses for so long: its clock was set, or another recording begins
+_FAR_NS = 60 * 10**9  # a larger step is a clock change or another recording, not a pause of the camera
 
 
 class Advance(Enum):
-    """From the stamp before to this one. SAME: a duplicate. AHEAD: further than a camera pauses."""
+    """Step from the previous stamp to the current one. SAME: duplicate stamp. AHEAD: a step of more than a minute."""
 
     STEADY = "steady"
     ZERO = "zero"
@@ -18,19 +18,24 @@ class Advance(Enum):
 
 
 class Timeline:
-    """now_ns: the time of the last frame, its stamp until a clock is set; what was measured before stays valid.
+    """Time of the stream, from header stamps.
 
-    A late frame, and the start of a loop, take time back with them. A far jump does not, and a stamp of zero is none.
+    The time equals the stamp until the stamp jumps by more than a minute in either direction. From then on a constant
+    offset keeps the time continuous. Smaller steps backwards (late frames, short loops) move the time backwards, too.
+    Frames with a stamp of 0 do not change the time.
+
+    Attributes:
+        now_ns: time of the last frame.
     """
 
     def __init__(self) -> None:
         self.now_ns = 0
-        self._offset_ns = 0  # from stamps to time
+        self._offset_ns = 0  # time minus stamp
         self._last_ns: int | None = None
         self._begun = False
 
     def take(self, stamp_ns: int) -> Advance:
-        """The next frame."""
+        """Advances to the next frame's stamp, ns, and classifies the step."""
         step, last_ns = self._judge(stamp_ns), self._last_ns
         if stamp_ns != 0:
             if self._begun and (last_ns is None or abs(stamp_ns - last_ns) > _FAR_NS):
