@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stab_ros.core.types import FloatArray, IdArray
-from stab_ros.methods._roewa import Floats, RatioGradient
+from stab_ros.core.types import Float32Array, FloatArray, IdArray
+from stab_ros.methods._roewa import RatioGradient
 
 DIRECTIONS, SECTORS = 8, 8
 LENGTH = (1 + 2 * SECTORS) * DIRECTIONS
@@ -66,13 +66,13 @@ def _smoothed(histogram: FloatArray) -> FloatArray:
     return np.asarray(np.tensordot(kernel, shifted, axes=1))
 
 
-def describe(scale: RatioGradient, px: FloatArray, angle: FloatArray) -> Floats:
+def describe(scale: RatioGradient, px: FloatArray, angle: FloatArray) -> Float32Array:
     """Descriptors (n, 136) float32 of unit length for key points (n, 2), px, with orientations `angle` (n,), rad."""
     parts = [_described(scale, px[k : k + _CHUNK], angle[k : k + _CHUNK]) for k in range(0, len(px), _CHUNK)]
     return np.concatenate([np.empty((0, LENGTH), np.float32), *parts])
 
 
-def _described(scale: RatioGradient, px: FloatArray, angle: FloatArray) -> Floats:
+def _described(scale: RatioGradient, px: FloatArray, angle: FloatArray) -> Float32Array:
     cos, sin = np.cos(angle), np.sin(angle)
     turned = np.moveaxis(np.array([[cos, sin], [-sin, cos]]), 2, 0)  # (n, 2, 2); rows: the rotated x and y axes
     right, down = _sampled(scale, px, scale.alpha_px * (_offsets(_RADIUS) @ turned))
@@ -85,7 +85,7 @@ def _described(scale: RatioGradient, px: FloatArray, angle: FloatArray) -> Float
     return _normalised(np.einsum("ps,dns->npd", _MEMBERS, votes, optimize=True).reshape(len(px), -1))
 
 
-def _sampled(scale: RatioGradient, px: FloatArray, offsets: FloatArray) -> tuple[Floats, Floats]:
+def _sampled(scale: RatioGradient, px: FloatArray, offsets: FloatArray) -> tuple[Float32Array, Float32Array]:
     """Gradient components (n, s) at the pixels nearest to each key point (n, 2) plus offsets; 0 outside the image."""
     at = np.round(px[:, None] + offsets).astype(np.int64)
     height, width = scale.right.shape
@@ -94,7 +94,7 @@ def _sampled(scale: RatioGradient, px: FloatArray, offsets: FloatArray) -> tuple
     return scale.right[row, column] * inside, scale.down[row, column] * inside
 
 
-def _normalised(descriptor: Floats) -> Floats:
+def _normalised(descriptor: Float32Array) -> Float32Array:
     """Unit length, clipped and normalized again (Lowe 2004, section 6.1)."""
     for most in (_CLIP, np.inf):
         length = np.linalg.norm(descriptor, axis=1, keepdims=True)

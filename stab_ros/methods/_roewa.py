@@ -7,15 +7,11 @@ pixel do not. The means are one-sided and exponentially weighted (ROEWA, Fjortof
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from stab_ros.core.types import FloatArray, Gray
-
-Floats: TypeAlias = NDArray[np.float32]
+from stab_ros.core.types import Float32Array, FloatArray, Gray
 
 FINEST_PX = 2.0  # alpha of the finest scale
 STEP = 2.0 ** (1 / 3)
@@ -35,8 +31,8 @@ class RatioGradient:
     """
 
     alpha_px: float
-    right: Floats
-    down: Floats
+    right: Float32Array
+    down: Float32Array
 
 
 def ratio_gradient(gray: Gray, alpha_px: float) -> RatioGradient:
@@ -64,7 +60,7 @@ def corners(scale: RatioGradient, threshold: float) -> tuple[FloatArray, FloatAr
     return np.stack([x, y], axis=1), middle.astype(np.float64)
 
 
-def _harris(scale: RatioGradient) -> Floats:
+def _harris(scale: RatioGradient) -> Float32Array:
     """SAR-Harris function det C - d tr(C)^2, C the structure tensor of the ratio gradient times alpha^2."""
     sigma = np.sqrt(2) * scale.alpha_px
     xx, xy, yy = (cv2.GaussianBlur(product, (0, 0), sigma) * np.float32(scale.alpha_px**2)
@@ -72,7 +68,7 @@ def _harris(scale: RatioGradient) -> Floats:
     return np.asarray(xx * yy - xy * xy - np.float32(_HARRIS) * (xx + yy) ** 2)
 
 
-def _parabola(before: Floats, middle: Floats, after: Floats) -> FloatArray:
+def _parabola(before: Float32Array, middle: Float32Array, after: Float32Array) -> FloatArray:
     """Offset of the vertex of the parabola through three values from the middle one, px."""
     curvature = (2.0 * middle - before - after).astype(np.float64)
     offset = (after - before) / np.where(curvature > 0, 2 * curvature, np.inf)

@@ -13,8 +13,7 @@ import cv2
 import numpy as np
 
 from stab_ros.core.geometry import apply, inside
-from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray
-from stab_ros.methods._roewa import Floats
+from stab_ros.core.types import BoolArray, Correspondences, Float32Array, FloatArray, Gray, Homography, IdArray
 
 _BLUR_PX = 1.5
 _SEARCH_PX = 4
@@ -40,13 +39,13 @@ class WindowMatches:
     found: BoolArray
 
 
-def logarithm(gray: Gray) -> Floats:
+def logarithm(gray: Gray) -> Float32Array:
     """Logarithm of the local mean of an image (h, w) uint8: (h, w) float32."""
     mean = cv2.GaussianBlur(gray.astype(np.float32), (0, 0), _BLUR_PX)
     return np.asarray(np.log(mean + 1))
 
 
-def match_windows(reference: Floats, current: Floats, pairs: Correspondences, H: Homography, radius: int,
+def match_windows(reference: Float32Array, current: Float32Array, pairs: Correspondences, H: Homography, radius: int,
                min_correlation: float) -> Correspondences:
     """The pairs whose windows correlate near their positions under H, with `current_px` measured by the correlation.
 
@@ -78,7 +77,7 @@ def _windows_inside(corner: IdArray, H: Homography, reach: int, shape: tuple[int
     return np.asarray(np.all(both, axis=0))
 
 
-def _match_windows(reference: Floats, warped: Floats, corner: IdArray, radius: int) -> WindowMatches:
+def _match_windows(reference: Float32Array, warped: Float32Array, corner: IdArray, radius: int) -> WindowMatches:
     n, samples = len(corner), (2 * radius + 1) ** 2 / _CORRELATED_PX
     matches = WindowMatches(np.zeros((n, 2)), np.zeros((n, 2, 2)), np.zeros(n), np.zeros(n, bool))
     for k, (x, y) in enumerate(corner.tolist()):
@@ -94,7 +93,7 @@ def _match_windows(reference: Floats, warped: Floats, corner: IdArray, radius: i
     return matches
 
 
-def _scores(reference: Floats, warped: Floats, x: int, y: int, radius: int) -> Floats:
+def _scores(reference: Float32Array, warped: Float32Array, x: int, y: int, radius: int) -> Float32Array:
     """Normalized cross-correlation at each displacement of the warped image's window, indexed by y, then x.
 
     It is the mean over both roles of window and search area; a single role would be biased even for identical images.

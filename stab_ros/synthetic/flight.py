@@ -21,7 +21,7 @@ from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, Image
 from stab_ros.synthetic.camera_path import PinholeCamera, Pose, inverse, product
 from stab_ros.synthetic.render import Surface, add_tracers, colored, quantised, render_gray, water_mask
 from stab_ros.synthetic.river import SCENES, SceneSettings, preset
-from stab_ros.synthetic.terrain import Extent, Ground, Layout, centre_line, make_ground, place_m
+from stab_ros.synthetic.terrain import Extent, GroundTexture, Layout, centre_line, make_ground, place_m
 from stab_ros.synthetic.textures import natural_texture
 
 __all__ = ["SCENES", "Flight", "SceneSettings", "Shot", "preset"]
@@ -71,7 +71,7 @@ class Flight:
             raise InputError(f"a still of {still.shape} {still.dtype}, it must be (h, w) uint8")
         self.gsd_m = preset.ground_m[0] / self.size[0]
         self.camera = PinholeCamera(self.size, preset.focal_share * self.size[0])
-        self.ground: Ground = make_ground(preset, self._extent(), seed, still)
+        self.ground: GroundTexture = make_ground(preset, self._extent(), seed, still)
         self._waves = natural_texture([seed, 30], 0.9, 40.0, stretch=0.6)
         self._flow = self.ground.flow / np.float32(self.ground.extent.texel_m)
         self._tracers = self._scatter_tracers()

@@ -17,7 +17,7 @@ from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, Image
 from stab_ros.synthetic.terrain import COARSE
 from stab_ros.synthetic.textures import Texture, sample_texture
 
-Picture: TypeAlias = NDArray[np.float32]  # grey levels, before noise and rounding
+FloatImage: TypeAlias = NDArray[np.float32]  # grey levels, before noise and rounding
 
 _FINE_WAVES, _BROAD_WAVES = 0.5, 0.17  # texels of the texture per texel of ground
 _COLORLESS = np.float32(225)  # what is as bright as this is white: control points, glitter
@@ -64,7 +64,7 @@ def _texel(H: Homography, u: float, v: float) -> tuple[float, float]:
 
 @lazy_kernel()
 def render_gray(size: tuple[int, int], texel_H_image: Homography, brightness: Gray, water: Gray,
-                surface: Surface) -> Picture:
+                surface: Surface) -> FloatImage:
     """(h, w) float32 grey levels of ground and water, without noise.
 
     size: width, height, px. texel_H_image: (3, 3), from pixels to texels. brightness, water: of the ground, (h, w).
@@ -140,7 +140,7 @@ def water_mask(size: tuple[int, int], texel_H_image: Homography, water: Gray) ->
 
 
 @lazy_kernel()
-def add_tracers(picture: Picture, tracers: FloatArray) -> None:
+def add_tracers(picture: FloatImage, tracers: FloatArray) -> None:
     """Adds floating particles, (n, 4): x, y, sigma in px, height in grey levels; a Gaussian each."""
     for k in range(len(tracers)):
         x, y, sigma, level = tracers[k]
@@ -152,7 +152,7 @@ def add_tracers(picture: Picture, tracers: FloatArray) -> None:
 
 
 @lazy_kernel()
-def colored(picture: Picture, texel_H_image: Homography, tint: NDArray[np.float32]) -> Picture:
+def colored(picture: FloatImage, texel_H_image: Homography, tint: NDArray[np.float32]) -> FloatImage:
     """(h, w, 3) float32 bgr from grey levels and the ground's tint."""
     rows, columns = picture.shape
     result = np.empty((rows, columns, 3), np.float32)
@@ -168,7 +168,7 @@ def colored(picture: Picture, texel_H_image: Homography, tint: NDArray[np.float3
 
 
 @lazy_kernel()
-def quantised(picture: Picture, noise: Picture, gain: np.float32, offset: np.float32) -> Image:
+def quantised(picture: FloatImage, noise: FloatImage, gain: np.float32, offset: np.float32) -> Image:
     """uint8 of gain * picture + offset + noise, rounded; all arrays flat float32."""
     result = np.empty(len(picture), np.uint8)
     for i in range(len(picture)):

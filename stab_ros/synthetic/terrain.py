@@ -11,15 +11,13 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stab_ros.core.kernels import lazy_kernel
-from stab_ros.core.types import FloatArray, Gray
+from stab_ros.core.types import Float32Array, FloatArray, Gray
 from stab_ros.synthetic.river import SceneSettings, Share
 from stab_ros.synthetic.textures import Texture, natural_texture, sample_texture, smooth_step
 
-Floats: TypeAlias = NDArray[np.float32]
-Place: TypeAlias = tuple[float, float, float]  # x, y of texel (0, 0) and texel pitch, m
+TexelGrid: TypeAlias = tuple[float, float, float]  # x, y of texel (0, 0) and texel pitch, m
 
 COARSE = 8  # flow and tint are kept for every 8th texel
 _BLUR_TEXELS = 0.85
@@ -41,7 +39,7 @@ class Extent:
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
+class GroundTexture:
     """What lies in an extent. brightness: (h, w) uint8; water: (h, w) uint8, from 0 land to 255 water.
 
     flow: (h/8, w/8, 2) float32 surface velocity, m/s. tint: (h/8, w/8, 3) float32 factors that turn grey into bgr.
@@ -50,8 +48,8 @@ class Ground:
     extent: Extent
     brightness: Gray
     water: Gray
-    flow: Floats
-    tint: Floats
+    flow: Float32Array
+    tint: Float32Array
 
 
 class Layout(NamedTuple):
@@ -84,7 +82,7 @@ def place_m(preset: SceneSettings, share: Share) -> tuple[float, float]:
     return (share[0] - 0.5) * width, (share[1] - 0.5) * height
 
 
-def make_ground(preset: SceneSettings, extent: Extent, seed: int, still: Gray | None = None) -> Ground:
+def make_ground(preset: SceneSettings, extent: Extent, seed: int, still: Gray | None = None) -> GroundTexture:
     """Builds the ground of a preset. `still`: (h, w) uint8 picture that takes the place of the made-up banks."""
     rows, columns = extent.shape
     layout = Layout.of(preset)
@@ -105,7 +103,7 @@ def make_ground(preset: SceneSettings, extent: Extent, seed: int, still: Gray | 
     _wet_shore(layout, place, shore, land, tint)
     for point in preset.control_points:
         _lay_control_point(place, place_m(preset, point.place), point.size_m, land)
-    return Ground(extent, _blurred(land), water, flow, tint)
+    return GroundTexture(extent, _blurred(land), water, flow, tint)
 
 
 @lazy_kernel()
@@ -134,7 +132,7 @@ def _grass_share(layout: Layout, shore: Texture, depth: float, x: float, y: floa
 
 
 @lazy_kernel()
-def _fill_water(layout: Layout, place: Place, shore: Texture, water: Gray, flow: Floats) -> None:
+def _fill_water(layout: Layout, place: TexelGrid, shore: Texture, water: Gray, flow: Float32Array) -> None:
     x0, y0, texel = place
     dry, deep = -0.002 * layout.unit_m, 0.022 * layout.unit_m  # between them the bed shows through
     for i in range(water.shape[0]):
@@ -156,8 +154,8 @@ def _fill_water(layout: Layout, place: Place, shore: Texture, water: Gray, flow:
 
 
 @lazy_kernel()
-def _fill_land(layout: Layout, place: Place, shore: Texture, rough: Texture, grass: Texture,
-               land: Floats, tint: Floats) -> None:
+def _fill_land(layout: Layout, place: TexelGrid, shore: Texture, rough: Texture, grass: Texture,
+               land: Float32Array, tint: Float32Array) -> None:
     x0, y0, texel = place
     scale = 400.0 / layout.unit_m
     for i in range(land.shape[0]):
@@ -176,7 +174,7 @@ def _fill_land(layout: Layout, place: Place, shore: Texture, rough: Texture, gra
 
 
 @lazy_kernel()
-def _fill_still(still: Gray, place: Place, height_m: float, land: Floats) -> None:
+def _fill_still(still: Gray, place: TexelGrid, height_m: float, land: Float32Array) -> None:
     """Spreads a picture over the nominal picture's height, mirrored at its edges."""
     x0, y0, texel = place
     rows, columns = still.shape
@@ -213,8 +211,8 @@ def _scatter(preset: SceneSettings, extent: Extent, seed: int, density: int,
 
 
 @lazy_kernel()
-def _drop_stones(layout: Layout, place: Place, shore: Texture, rough: Texture, stones: FloatArray,
-                 land: Floats) -> None:
+def _drop_stones(layout: Layout, place: TexelGrid, shore: Texture, rough: Texture, stones: FloatArray,
+                 land: Float32Array) -> None:
     """Stones lie on the gravel and in the shallows."""
     for k in range(len(stones)):
         x, y, a, b, angle, tone = stones[k]
@@ -226,8 +224,8 @@ def _drop_stones(layout: Layout, place: Place, shore: Texture, rough: Texture, s
 
 
 @lazy_kernel()
-def _plant_bushes(layout: Layout, place: Place, shore: Texture, leaves: Texture, bushes: FloatArray,
-                  land: Floats) -> None:
+def _plant_bushes(layout: Layout, place: TexelGrid, shore: Texture, leaves: Texture, bushes: FloatArray,
+                  land: Float32Array) -> None:
     """Bushes stand in groups in the meadow."""
     scale = 330.0 / layout.unit_m
     for k in range(len(bushes)):
@@ -240,8 +238,8 @@ def _plant_bushes(layout: Layout, place: Place, shore: Texture, leaves: Texture,
 
 
 @lazy_kernel()
-def _draw_dome(place: Place, x: float, y: float, a: float, b: float, angle: float, tone: float, grain: float,
-               texture: Texture, land: Floats) -> None:
+def _draw_dome(place: TexelGrid, x: float, y: float, a: float, b: float, angle: float, tone: float, grain: float,
+               texture: Texture, land: Float32Array) -> None:
     """A dome of half axes a, b, lit by the sun, with an uneven outline and surface; no grain: flat, a shadow."""
     x0, y0, texel = place
     cos, sin = math.cos(angle), math.sin(angle)
@@ -259,7 +257,7 @@ def _draw_dome(place: Place, x: float, y: float, a: float, b: float, angle: floa
 
 
 @lazy_kernel()
-def _wet_shore(layout: Layout, place: Place, shore: Texture, land: Floats, tint: Floats) -> None:
+def _wet_shore(layout: Layout, place: TexelGrid, shore: Texture, land: Float32Array, tint: Float32Array) -> None:
     """Wet ground is darker; the bed under water takes the water's tint."""
     x0, y0, texel = place
     for i in range(land.shape[0]):
@@ -273,7 +271,7 @@ def _wet_shore(layout: Layout, place: Place, shore: Texture, land: Floats, tint:
 
 
 @lazy_kernel()
-def _lay_control_point(place: Place, at: tuple[float, float], size: float, land: Floats) -> None:
+def _lay_control_point(place: TexelGrid, at: tuple[float, float], size: float, land: Float32Array) -> None:
     """A square of `size` with four quadrants, black and white in turn; edges one texel soft."""
     x0, y0, texel = place
     half = size / 2
@@ -286,7 +284,7 @@ def _lay_control_point(place: Place, at: tuple[float, float], size: float, land:
             land[i, j] += cover * (132 + 104 * side - land[i, j])
 
 
-def _blurred(land: Floats) -> Gray:
+def _blurred(land: Float32Array) -> Gray:
     """`land` blurred by a Gaussian, as uint8 (rounded); written out here so that every cv2 version gives the same."""
     offsets = np.arange(-3, 4)
     kernel = np.exp(-(offsets**2) / (2 * _BLUR_TEXELS**2))
@@ -294,7 +292,7 @@ def _blurred(land: Floats) -> Gray:
 
 
 @lazy_kernel()
-def _blur(land: Floats, kernel: Floats) -> Gray:
+def _blur(land: Float32Array, kernel: Float32Array) -> Gray:
     """Rows in place, then columns into the result."""
     rows, columns = land.shape
     reach = len(kernel) // 2
