@@ -1,7 +1,7 @@
-"""The river bed as a picture of the ground: banks, islands, stones, grass, control points, and where the water is.
+"""Procedural texture of the ground: banks, islands, stones, grass, control points, and a mask of the water.
 
-Made once per flight, in ground coordinates, finer than the picture, and blurred so that it holds nothing the picture
-cannot show: then the truth is unbiased to a thousandth of a pixel.
+It is generated once per flight, in ground coordinates, finer than the image, and blurred to avoid aliasing. Ground
+truth is then unbiased to a thousandth of a pixel.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from stab_ros.synthetic.textures import Texture, natural_texture, sample_texture
 
 TexelGrid: TypeAlias = tuple[float, float, float]  # x, y of texel (0, 0) and texel pitch, m
 
-COARSE = 8  # flow and tint are kept for every 8th texel
+COARSE = 8  # flow and tint are stored for every 8th texel
 _BLUR_TEXELS = 0.85
-_SUN = (-0.6, -0.5)  # where the light comes from, in the picture
-# how many in the nominal picture; smallest, largest (shares of the picture height) and power law of their sizes
+_SUN = (-0.6, -0.5)  # direction of the light in the image
+# number in the nominal image; smallest and largest size (shares of the image height) and exponent of the power law
 _STONES = (16000, (0.0014, 0.016, 1.9))
 _BUSHES = (2500, (0.007, 0.03, 2.5))
 _GRAVEL_TINT, _GRASS_TINT, _WATER_TINT = (0.90, 0.99, 1.06), (0.62, 1.08, 0.98), (1.06, 1.06, 0.80)
@@ -30,7 +30,7 @@ _GRAVEL_TINT, _GRASS_TINT, _WATER_TINT = (0.90, 0.99, 1.06), (0.62, 1.08, 0.98),
 
 @dataclass(frozen=True, eq=False)
 class Extent:
-    """A rectangle of ground: where its texel (0, 0) lies, texel pitch, rows and columns."""
+    """A rectangle of ground: position of texel (0, 0), m, size of a texel, m, and shape (rows, columns)."""
 
     x_m: float
     y_m: float
@@ -40,9 +40,14 @@ class Extent:
 
 @dataclass(frozen=True, eq=False)
 class GroundTexture:
-    """What lies in an extent. brightness: (h, w) uint8; water: (h, w) uint8, from 0 land to 255 water.
+    """Texture of the ground and velocity of the water.
 
-    flow: (h/8, w/8, 2) float32 surface velocity, m/s. tint: (h/8, w/8, 3) float32 factors that turn grey into bgr.
+    Attributes:
+        extent: the rectangle of ground.
+        brightness: (h, w) uint8 grey levels.
+        water: (h, w) uint8, from 0 for land to 255 for water.
+        flow: (h/8, w/8, 2) float32 surface velocity, m/s.
+        tint: (h/8, w/8, 3) float32 factors from grey to bgr.
     """
 
     extent: Extent
@@ -53,9 +58,9 @@ class GroundTexture:
 
 
 class Layout(NamedTuple):
-    """The river in metres, origin at the centre of the nominal picture: what the kernels need of a preset."""
+    """Geometry of the river for the kernels, in m, with the origin at the centre of the nominal image."""
 
-    unit_m: float  # nominal picture height
+    unit_m: float  # nominal image height
     centre_m: float
     half_width_m: float
     bend_m: float
@@ -77,13 +82,13 @@ class Layout(NamedTuple):
 
 
 def place_m(preset: SceneSettings, share: Share) -> tuple[float, float]:
-    """A place in the nominal picture as ground coordinates, m."""
+    """Ground coordinates, m, of a position in the nominal image."""
     width, height = preset.ground_m
     return (share[0] - 0.5) * width, (share[1] - 0.5) * height
 
 
 def make_ground(preset: SceneSettings, extent: Extent, seed: int, still: Gray | None = None) -> GroundTexture:
-    """Builds the ground of a preset. `still`: (h, w) uint8 picture that takes the place of the made-up banks."""
+    """Generates the ground of a scene. still: (h, w) uint8 image of the ground in place of the procedural one."""
     rows, columns = extent.shape
     layout = Layout.of(preset)
     place = (extent.x_m, extent.y_m, extent.texel_m)
@@ -175,7 +180,7 @@ def _fill_land(layout: Layout, place: TexelGrid, shore: Texture, rough: Texture,
 
 @lazy_kernel()
 def _fill_still(still: Gray, place: TexelGrid, height_m: float, land: Float32Array) -> None:
-    """Spreads a picture over the nominal picture's height, mirrored at its edges."""
+    """Scales an image to the height of the nominal image, mirrored at its borders."""
     x0, y0, texel = place
     rows, columns = still.shape
     scale = rows / height_m
@@ -193,10 +198,10 @@ def _fill_still(still: Gray, place: TexelGrid, height_m: float, land: Float32Arr
 
 def _scatter(preset: SceneSettings, extent: Extent, seed: int, density: int,
              sizes: tuple[float, float, float]) -> FloatArray:
-    """(n, 6): x, y, half axes in m, angle, tone (standard normal), the largest last.
+    """Random ellipses (n, 6): x, y and half axes, m, angle, tone (standard normal), in ascending order of size.
 
-    density: how many in the nominal picture. sizes: smallest and largest, as shares of the picture height, and the
-    exponent of the power law between them.
+    density: number in the nominal image. sizes: smallest and largest, as shares of the image height, and the exponent
+    of their power law.
     """
     rng = np.random.default_rng([seed, 20, density])
     width, height = preset.ground_m
@@ -213,7 +218,7 @@ def _scatter(preset: SceneSettings, extent: Extent, seed: int, density: int,
 @lazy_kernel()
 def _drop_stones(layout: Layout, place: TexelGrid, shore: Texture, rough: Texture, stones: FloatArray,
                  land: Float32Array) -> None:
-    """Stones lie on the gravel and in the shallows."""
+    """Draws stones on the gravel and in shallow water."""
     for k in range(len(stones)):
         x, y, a, b, angle, tone = stones[k]
         depth = depth_m(layout, shore, x, y)
@@ -226,7 +231,7 @@ def _drop_stones(layout: Layout, place: TexelGrid, shore: Texture, rough: Textur
 @lazy_kernel()
 def _plant_bushes(layout: Layout, place: TexelGrid, shore: Texture, leaves: Texture, bushes: FloatArray,
                   land: Float32Array) -> None:
-    """Bushes stand in groups in the meadow."""
+    """Draws groups of bushes in the meadow."""
     scale = 330.0 / layout.unit_m
     for k in range(len(bushes)):
         x, y, a, b, angle, tone = bushes[k]
@@ -240,7 +245,7 @@ def _plant_bushes(layout: Layout, place: TexelGrid, shore: Texture, leaves: Text
 @lazy_kernel()
 def _draw_dome(place: TexelGrid, x: float, y: float, a: float, b: float, angle: float, tone: float, grain: float,
                texture: Texture, land: Float32Array) -> None:
-    """A dome of half axes a, b, lit by the sun, with an uneven outline and surface; no grain: flat, a shadow."""
+    """Draws a dome of half axes a, b, lit by the sun, with an irregular outline; flat, as a shadow, if grain is 0."""
     x0, y0, texel = place
     cos, sin = math.cos(angle), math.sin(angle)
     rim, reach = texel / b, 1.25 * a
@@ -258,7 +263,7 @@ def _draw_dome(place: TexelGrid, x: float, y: float, a: float, b: float, angle: 
 
 @lazy_kernel()
 def _wet_shore(layout: Layout, place: TexelGrid, shore: Texture, land: Float32Array, tint: Float32Array) -> None:
-    """Wet ground is darker; the bed under water takes the water's tint."""
+    """Darkens wet ground and tints the river bed."""
     x0, y0, texel = place
     for i in range(land.shape[0]):
         for j in range(land.shape[1]):
@@ -272,7 +277,7 @@ def _wet_shore(layout: Layout, place: TexelGrid, shore: Texture, land: Float32Ar
 
 @lazy_kernel()
 def _lay_control_point(place: TexelGrid, at: tuple[float, float], size: float, land: Float32Array) -> None:
-    """A square of `size` with four quadrants, black and white in turn; edges one texel soft."""
+    """Draws a square with alternating black and white quadrants, anti-aliased over one texel."""
     x0, y0, texel = place
     half = size / 2
     for i in range(max(int((at[1] - size - y0) / texel), 0), min(int((at[1] + size - y0) / texel), land.shape[0])):
@@ -285,7 +290,7 @@ def _lay_control_point(place: TexelGrid, at: tuple[float, float], size: float, l
 
 
 def _blurred(land: Float32Array) -> Gray:
-    """`land` blurred by a Gaussian, as uint8 (rounded); written out here so that every cv2 version gives the same."""
+    """`land` blurred by a Gaussian and rounded to uint8, independent of the version of OpenCV."""
     offsets = np.arange(-3, 4)
     kernel = np.exp(-(offsets**2) / (2 * _BLUR_TEXELS**2))
     return np.asarray(_blur(land, (kernel / kernel.sum()).astype(np.float32)))
@@ -293,7 +298,7 @@ def _blurred(land: Float32Array) -> Gray:
 
 @lazy_kernel()
 def _blur(land: Float32Array, kernel: Float32Array) -> Gray:
-    """Rows in place, then columns into the result."""
+    """Separable filter: along rows in place, then along columns."""
     rows, columns = land.shape
     reach = len(kernel) // 2
     for i in range(rows):
