@@ -29,13 +29,13 @@ class Lens(NamedTuple):
     Attributes:
         scale: (n + 1,) radial scale at the squared radii i * reach2 / n.
         reach2: squared radius, in focal lengths, up to which the model is valid.
-        beside: (6,) tangential and thin-prism coefficients p1, p2, s1, s2, s3, s4.
+        small_terms: (6,) tangential and thin-prism coefficients p1, p2, s1, s2, s3, s4.
         pixel_M_seen: (3, 3), from the distorted ray to the pixel.
     """
 
     scale: FloatArray
     reach2: float
-    beside: FloatArray
+    small_terms: FloatArray
     pixel_M_seen: FloatArray
 
     def holds(self, ray_M_pixel: Homography, size: tuple[int, int]) -> bool:
@@ -122,15 +122,15 @@ def lens_maps(lens: Lens, ray_M_pixel: Homography, size: tuple[int, int]) -> Rem
         size: width and height of the result, px.
     """
     x_px, y_px = np.empty((size[1], size[0]), np.float32), np.empty((size[1], size[0]), np.float32)
-    _fill_maps(lens.scale, lens.reach2, lens.beside, lens.pixel_M_seen, ray_M_pixel, x_px, y_px)
+    _fill_maps(lens.scale, lens.reach2, lens.small_terms, lens.pixel_M_seen, ray_M_pixel, x_px, y_px)
     return x_px, y_px
 
 
 @kernel((read(F64, 1), F64, read(F64, 1), read(F64, 2), read(F64, 2), filled(F32, 2), filled(F32, 2)), fastmath=True)
-def _fill_maps(scale: FloatArray, reach2: float, beside: FloatArray, M: FloatArray, A: Homography, x_px: FloatArray,
-               y_px: FloatArray) -> None:
-    """Fills the maps. scale, reach2, beside and M: of the lens. A: from pixels of the result to rays."""
-    p1, p2, s1, s2, s3, s4 = beside
+def _fill_maps(scale: FloatArray, reach2: float, small_terms: FloatArray, M: FloatArray, A: Homography,
+               x_px: FloatArray, y_px: FloatArray) -> None:
+    """Fills the maps. scale, reach2, small_terms, M: of the lens. A: from pixels of the result to rays."""
+    p1, p2, s1, s2, s3, s4 = small_terms
     entries = (len(scale) - 1) / reach2
     for row in range(len(x_px)):
         for column in range(x_px.shape[1]):

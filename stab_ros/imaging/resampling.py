@@ -192,9 +192,9 @@ def _pixel_by_pixel(image: Image, M: Homography, out: Image, channels: int, star
         for channel in range(channels):
             value = 0.0
             if -1 <= column < width and -1 <= row < height:
-                for below in range(2):
-                    for beside in range(2):
-                        if 0 <= row + below < height and 0 <= column + beside < width:
-                            weight = (fy if below else 1 - fy) * (fx if beside else 1 - fx)
-                            value += weight * image[row + below, (column + beside) * channels + channel]
+                for dy in range(2):
+                    for dx in range(2):
+                        if 0 <= row + dy < height and 0 <= column + dx < width:
+                            weight = (fy if dy else 1 - fy) * (fx if dx else 1 - fx)
+                            value += weight * image[row + dy, (column + dx) * channels + channel]
             out[y, x * channels + channel] = np.int32(value + 0.5)

@@ -29,7 +29,7 @@ class ShiftResponse:
     def __init__(self, reference: Gray, noise_sigma: float) -> None:
         """reference: (h, w) uint8. noise_sigma: standard deviation of its white noise, grey levels."""
         border = (MARGIN_PX,) * 4
-        self._picture = cv2.copyMakeBorder(reference, *border, cv2.BORDER_REFLECT_101).astype(np.float32)
+        self._image = cv2.copyMakeBorder(reference, *border, cv2.BORDER_REFLECT_101).astype(np.float32)
         self._noise_variance = noise_sigma**2
 
     def rmsd(self, centre_px: tuple[int, int], windows_px: Sequence[int]) -> FloatArray:
@@ -37,7 +37,7 @@ class ShiftResponse:
         half = np.asarray(windows_px) // 2
         x, y = (c + MARGIN_PX for c in centre_px)
         shifts = _shifts()
-        rings = _ring_squares(self._picture, x, y, int(half.max()), shifts.whole_px, shifts.taps)
+        rings = _ring_squares(self._image, x, y, int(half.max()), shifts.whole_px, shifts.taps)
         means = np.cumsum(rings, axis=1)[:, half] / (2 * half + 1.0) ** 2
         free = np.maximum(means - self._noise_variance * shifts.noise_share[:, None], 0)
         return np.asarray(np.sqrt(free).T.reshape(len(half), len(SHIFTS_PX), DIRECTIONS))
@@ -85,7 +85,7 @@ def _self_weight(whole_px: IdArray, taps: FloatArray) -> float:
 
 
 @kernel((read(F32, 2), I64, I64, I64, read(I64, 2), read(F32, 3)))
-def _ring_squares(picture: Any, x: int, y: int, half: int, whole_px: Any, taps: Any) -> Any:
+def _ring_squares(image: Any, x: int, y: int, half: int, whole_px: Any, taps: Any) -> Any:
     """Sums (S, half + 1) of squared differences between image and shifted image over square rings about (x, y).
 
     Cumulative sums over the rings give the result of all windows up to 2 half + 1 at once.
@@ -98,13 +98,13 @@ def _ring_squares(picture: Any, x: int, y: int, half: int, whole_px: Any, taps: 
         left = x - half + whole_px[s, 0] - reach // 2 + 1
         top = y - half + whole_px[s, 1] - reach // 2 + 1
         for row in range(side + reach - 1):
-            _weighted(picture[top + row], left, taps[s, 0], wide[row])
+            _weighted(image[top + row], left, taps[s, 0], wide[row])
         for row in range(side):
             line[:] = 0
             for tap in range(reach):
                 if taps[s, 1, tap] != 0:
                     _add(taps[s, 1, tap], wide[row + tap], line)
-            _add_to_rings(line, picture[y - half + row, x - half : x + half + 1], abs(row - half), rings[s])
+            _add_to_rings(line, image[y - half + row, x - half : x + half + 1], abs(row - half), rings[s])
     return rings
 
 

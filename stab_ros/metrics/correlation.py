@@ -77,7 +77,7 @@ class Correlator:
             ValueError: `current` or `valid` differs in shape from the reference.
         """
         if current.shape != self.shape or (valid is not None and valid.shape != self.shape):
-            raise ValueError(f"a picture of {current.shape}, with {None if valid is None else valid.shape} valid, "
+            raise ValueError(f"an image of {current.shape}, with {None if valid is None else valid.shape} valid, "
                              f"it must be {self.shape} as the reference")
         found = np.full(self.areas_px.shape, np.nan)
         if self._areas is None or self._search is None:

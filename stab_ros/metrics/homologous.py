@@ -70,7 +70,7 @@ class HomologousPoints:
         """
         if allowed.shape != reference.shape:
             raise ValueError(f"allowed is {allowed.shape}, it must be {reference.shape} as the reference")
-        self._picture = reference
+        self._image = reference
         self._corners, tile_size = _chosen_tiles(reference, allowed)
         self._tiles = np.arange(len(self._corners))
         self._sift = _TileSift(tile_size, len(self._corners))
@@ -106,37 +106,37 @@ class HomologousPoints:
             previous_px = rmse(previous_matches.px[there], current_matches.px[here])
         return Rmse(reference_px, previous_px, len(current_matches.location), current_matches.ref_H_cur)
 
-    def _match_ground(self, picture: Gray, valid: BoolArray, tiles: IdArray, corners: IdArray) -> _GroundMatches:
-        """The reference's points in `picture`: in `tiles` at `corners`, and again in moved tiles if necessary."""
-        if picture.shape != self._picture.shape or valid.shape != picture.shape:
-            raise ValueError(f"a picture of {picture.shape} and valid of {valid.shape}, both must be "
-                             f"{self._picture.shape} as the reference")
-        found = self._match_in_tiles(picture, valid, tiles, corners)
-        plane = found.ref_H_cur if len(found.location) >= _SUFFICIENT_POINTS else self._coarse_sift.ref_H_cur(picture)
+    def _match_ground(self, image: Gray, valid: BoolArray, tiles: IdArray, corners: IdArray) -> _GroundMatches:
+        """The reference's points in `image`: in `tiles` at `corners`, and again in moved tiles if necessary."""
+        if image.shape != self._image.shape or valid.shape != image.shape:
+            raise ValueError(f"an image of {image.shape} and valid of {valid.shape}, both must be "
+                             f"{self._image.shape} as the reference")
+        found = self._match_in_tiles(image, valid, tiles, corners)
+        plane = found.ref_H_cur if len(found.location) >= _SUFFICIENT_POINTS else self._coarse_sift.ref_H_cur(image)
         if plane is None:
             return found
         followed = self._moved_corners(plane)
         if np.abs(followed - corners)[tiles].max(initial=0) < _MAX_TILE_SHIFT_PX:
             return found
-        moved = self._match_in_tiles(picture, valid, tiles, followed)
+        moved = self._match_in_tiles(image, valid, tiles, followed)
         return max(found, moved, key=lambda ground: len(ground.location))
 
-    def _match_in_tiles(self, picture: Gray, valid: BoolArray, tiles: IdArray, corners: IdArray) -> _GroundMatches:
-        found = self._sift.key_points(picture, valid, tiles, corners)
-        in_reference, in_picture = _matches(self._points, found, tiles)
-        ref_H_cur, agrees = _plane(found.px[in_picture], self._points.px[in_reference], picture.shape)
+    def _match_in_tiles(self, image: Gray, valid: BoolArray, tiles: IdArray, corners: IdArray) -> _GroundMatches:
+        found = self._sift.key_points(image, valid, tiles, corners)
+        in_reference, in_image = _matches(self._points, found, tiles)
+        ref_H_cur, agrees = _plane(found.px[in_image], self._points.px[in_reference], image.shape)
         location, first = np.unique(self._location[in_reference[agrees]], return_index=True)
-        return _GroundMatches(location, found.px[in_picture[agrees]][first], ref_H_cur, corners)
+        return _GroundMatches(location, found.px[in_image[agrees]][first], ref_H_cur, corners)
 
     def _moved_corners(self, ref_H_cur: Homography) -> IdArray:
         """Corners (tiles, 2) of the tiles moved with the ground plane, clipped to the image."""
         middle = (self._sift.size - 1) / 2
         corners = np.round(apply(np.linalg.inv(ref_H_cur), self._corners + middle) - middle)
-        return np.clip(corners, 0, np.array(self._picture.shape[::-1]) - self._sift.size).astype(np.int64)
+        return np.clip(corners, 0, np.array(self._image.shape[::-1]) - self._sift.size).astype(np.int64)
 
     @cached_property
     def _coarse_sift(self) -> _CoarseSift:
-        return _CoarseSift(self._picture)
+        return _CoarseSift(self._image)
 
 
 def rmse(ones_px: FloatArray, others_px: FloatArray) -> float | None:
@@ -187,13 +187,13 @@ class _TileSift:
         self._sift = cv2.SIFT.create(nfeatures=_KEY_POINTS // max(1, tiles), edgeThreshold=_EDGE_RATIO)
         self._remembered = lru_cache(maxsize=4 * tiles)(self._detected)
 
-    def key_points(self, picture: Gray, valid: BoolArray, tiles: IdArray, corners: IdArray) -> _KeyPoints:
+    def key_points(self, image: Gray, valid: BoolArray, tiles: IdArray, corners: IdArray) -> _KeyPoints:
         """Key points of `tiles`, at `corners` (all tiles, 2), that are clear of tile borders and invalid pixels."""
         px, tile, descriptor = [np.empty((0, 2))], [np.empty(0, np.int64)], [np.empty((0, 128), np.float32)]
         for number in tiles:
             (x, y), (width, height) = corners[number], self.size
             cut = np.s_[y : y + height, x : x + width]
-            at, reach, described = self._remembered(picture[cut].tobytes())
+            at, reach, described = self._remembered(image[cut].tobytes())
             column, row = np.round(at).astype(np.int64).T
             clear = _room_px(valid[cut])[row, column] >= reach
             px.append(at[clear] + (x, y))
@@ -293,11 +293,11 @@ class _CoarseSift:
         self._sift = cv2.SIFT.create(nfeatures=_KEY_POINTS)
         self._px, _, self._descriptor = self._detect(reference)
 
-    def ref_H_cur(self, picture: Gray) -> Homography | None:
+    def ref_H_cur(self, image: Gray) -> Homography | None:
         """`ref_H_cur`, accurate to a few px; None with too few inliers."""
-        px, _, descriptor = self._detect(picture)
+        px, _, descriptor = self._detect(image)
         i, j = _mutual_nearest(self._descriptor, descriptor)
-        H, agrees = _plane(px[j], self._px[i], picture.shape, 2.0 ** (self._level + 1))
+        H, agrees = _plane(px[j], self._px[i], image.shape, 2.0 ** (self._level + 1))
         return H if agrees.sum() >= _MIN_POINTS else None
 
     def _detect(self, gray: Gray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -41,7 +41,7 @@ class NoiseGauge:
             ValueError: the reference is smaller than one block of 33x33 px.
         """
         if min(reference.shape) < _BLOCK_PX:
-            raise ValueError(f"a picture of {reference.shape}, it must have at least {_BLOCK_PX}x{_BLOCK_PX} px")
+            raise ValueError(f"an image of {reference.shape}, it must have at least {_BLOCK_PX}x{_BLOCK_PX} px")
         self._centres_px = _calm_blocks(reference)
         self._reference = cut(reference, self._centres_px, _BLOCK_PX)
         self._variance = _variance(self._reference)

@@ -26,7 +26,7 @@ def cut(image: Image, centres_px: IdArray, window_px: int) -> FloatArray:
     outside = (x < half) | (y < half) | (x >= width - half) | (y >= height - half)
     if outside.any():
         at = np.flatnonzero(outside)[0]
-        raise ValueError(f"the window of {window_px} px about ({x[at]}, {y[at]}) leaves the {width}x{height} picture")
+        raise ValueError(f"the window of {window_px} px about ({x[at]}, {y[at]}) leaves the {width}x{height} image")
     span = np.arange(-half, half + 1)
     return np.asarray(image[(y[:, None] + span)[:, :, None], (x[:, None] + span)[:, None, :]], np.float32)
 

@@ -92,7 +92,7 @@ class VelocityField:
         """
         if allowed.shape != reference.shape or min(columns, rows) < 1:
             raise ValueError(f"{columns}x{rows} sub-regions of {reference.shape} with a mask of {allowed.shape}: "
-                             "there must be at least one, and the mask must have the picture's shape")
+                             "there must be at least one, and the mask must have the image's shape")
         boxes = _boxes(reference.shape, columns, rows)
         window_px = _window_px(reference.shape, boxes)
         quality = _quality(reference, allowed, window_px)

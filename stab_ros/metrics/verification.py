@@ -92,7 +92,7 @@ def calibrated_points(reference: Gray, named: Sequence[tuple[str, float, float]]
     with_texture = {point.name for point in points if _has_texture(point, noise_sigma)}
     for name, x, y in places:
         if name not in with_texture:
-            raise InputError(f"point {name!r} at ({x}, {y}): too little texture to tell a shift by, "
+            raise InputError(f"point {name!r} at ({x}, {y}): too little texture to measure a shift, "
                              "it must lie on something static with structure in both directions")
     return points
 
@@ -171,7 +171,7 @@ def _check_inside(place: tuple[str, int, int], window_px: int, shape: tuple[int,
     if not _is_inside(place, window_px, shape):
         name, x, y = place
         raise InputError(f"point {name!r} at ({x}, {y}): its window of {window_px} px leaves the {shape[1]}x{shape[0]} "
-                         f"picture, it must be {window_px // 2} px from every side")
+                         f"image, it must be {window_px // 2} px from every side")
 
 
 def _is_inside(place: tuple[str, int, int], window_px: int, shape: tuple[int, ...]) -> bool:

@@ -154,21 +154,21 @@ class Flight:
 
     def _image(self, index: int) -> Image:
         ground, texel_H_image = self.ground, self._texel_H_image(index)
-        picture = render_gray(self.size, texel_H_image, ground.brightness, ground.water, self._surface(index))
-        add_tracers(picture, self._tracers_in(index))
+        image = render_gray(self.size, texel_H_image, ground.brightness, ground.water, self._surface(index))
+        add_tracers(image, self._tracers_in(index))
         if self.color:
-            picture = colored(picture, texel_H_image, ground.tint)
-        return self._exposed(index, picture)
+            image = colored(image, texel_H_image, ground.tint)
+        return self._exposed(index, image)
 
-    def _exposed(self, index: int, picture: Image) -> Image:
+    def _exposed(self, index: int, image: Image) -> Image:
         """The image with varying brightness and contrast, noise, and rounding to grey levels."""
         time_s, share = index / self.preset.fps, self.preset.brightness
         gain = 1 + share * math.sin(2 * math.pi * 0.13 * time_s + self.seed)
         offset = 100 * share * math.sin(2 * math.pi * 0.31 * time_s + 2 * self.seed)
-        noise = np.random.default_rng([self.seed, 50, index]).standard_normal(picture.size, dtype=np.float32)
+        noise = np.random.default_rng([self.seed, 50, index]).standard_normal(image.size, dtype=np.float32)
         noise *= np.float32(self.preset.noise_levels)
-        levels = quantised(picture.ravel(), noise, np.float32(gain), np.float32(offset))
-        return np.asarray(levels).reshape(picture.shape)
+        levels = quantised(image.ravel(), noise, np.float32(gain), np.float32(offset))
+        return np.asarray(levels).reshape(image.shape)
 
     def _surface(self, index: int) -> Surface:
         width, height = self.size

@@ -31,27 +31,27 @@ def _weights(t: np.float32) -> tuple[np.float32, np.float32, np.float32]:
 
 
 @lazy_kernel(inline="always")
-def _sample_spline(picture: Gray, x: float, y: float) -> np.float32:
-    """Value at (x, y) of the spline surface with the coefficients `picture` (h, w) uint8."""
-    column = min(max(int(x + 0.5), 1), picture.shape[1] - 2)
-    row = min(max(int(y + 0.5), 1), picture.shape[0] - 2)
+def _sample_spline(image: Gray, x: float, y: float) -> np.float32:
+    """Value at (x, y) of the spline surface with the coefficients `image` (h, w) uint8."""
+    column = min(max(int(x + 0.5), 1), image.shape[1] - 2)
+    row = min(max(int(y + 0.5), 1), image.shape[0] - 2)
     a0, a1, a2 = _weights(np.float32(x - column))
     b0, b1, b2 = _weights(np.float32(y - row))
     total = np.float32(0)
     for i, weight in ((row - 1, b0), (row, b1), (row + 1, b2)):
-        left, middle, right = picture[i, column - 1], picture[i, column], picture[i, column + 1]
+        left, middle, right = image[i, column - 1], image[i, column], image[i, column + 1]
         total += weight * (a0 * np.float32(left) + a1 * np.float32(middle) + a2 * np.float32(right))
     return total
 
 
 @lazy_kernel(inline="always")
-def _sample_linear(picture: Image, x: float, y: float) -> np.float32:
-    left = min(max(int(np.floor(x)), 0), picture.shape[1] - 2)
-    top = min(max(int(np.floor(y)), 0), picture.shape[0] - 2)
+def _sample_linear(image: Image, x: float, y: float) -> np.float32:
+    left = min(max(int(np.floor(x)), 0), image.shape[1] - 2)
+    top = min(max(int(np.floor(y)), 0), image.shape[0] - 2)
     fx = np.float32(min(max(x - left, 0.0), 1.0))
     fy = np.float32(min(max(y - top, 0.0), 1.0))
-    a, b = np.float32(picture[top, left]), np.float32(picture[top, left + 1])
-    c, d = np.float32(picture[top + 1, left]), np.float32(picture[top + 1, left + 1])
+    a, b = np.float32(image[top, left]), np.float32(image[top, left + 1])
+    c, d = np.float32(image[top + 1, left]), np.float32(image[top + 1, left + 1])
     upper = a + fx * (b - a)
     return upper + fy * (c + fx * (d - c) - upper)
 
@@ -74,7 +74,7 @@ def render_gray(size: tuple[int, int], texel_H_image: Homography, brightness: Gr
         water: (h, w) uint8, see `GroundTexture`.
         surface: of the water.
     """
-    picture = np.empty((size[1], size[0]), np.float32)
+    image = np.empty((size[1], size[0]), np.float32)
     for v in range(size[1]):
         for u in range(size[0]):
             tx, ty = _texel(texel_H_image, u, v)
@@ -84,8 +84,8 @@ def render_gray(size: tuple[int, int], texel_H_image: Homography, brightness: Gr
                 level += (1 - wet) * _land_level(texel_H_image, brightness, u, v)
             if wet > 0:
                 level += wet * _water_level(surface, u, v, tx, ty)
-            picture[v, u] = level
-    return picture
+            image[v, u] = level
+    return image
 
 
 @lazy_kernel(inline="always")
@@ -148,26 +148,26 @@ def water_mask(size: tuple[int, int], texel_H_image: Homography, water: Gray) ->
 
 
 @lazy_kernel()
-def add_tracers(picture: FloatImage, tracers: FloatArray) -> None:
+def add_tracers(image: FloatImage, tracers: FloatArray) -> None:
     """Adds Gaussian tracer particles (n, 4): x, y and sigma, px, and amplitude, grey levels."""
     for k in range(len(tracers)):
         x, y, sigma, level = tracers[k]
         reach = 3 * sigma + 1
-        for v in range(max(int(y - reach), 0), min(int(y + reach) + 2, picture.shape[0])):
-            for u in range(max(int(x - reach), 0), min(int(x + reach) + 2, picture.shape[1])):
+        for v in range(max(int(y - reach), 0), min(int(y + reach) + 2, image.shape[0])):
+            for u in range(max(int(x - reach), 0), min(int(x + reach) + 2, image.shape[1])):
                 near = np.exp(-((u - x) ** 2 + (v - y) ** 2) / (2 * sigma * sigma))
-                picture[v, u] += np.float32(level * near)
+                image[v, u] += np.float32(level * near)
 
 
 @lazy_kernel()
-def colored(picture: FloatImage, texel_H_image: Homography, tint: NDArray[np.float32]) -> FloatImage:
+def colored(image: FloatImage, texel_H_image: Homography, tint: NDArray[np.float32]) -> FloatImage:
     """Colour image (h, w, 3) float32 bgr from grey levels and the tint of the ground."""
-    rows, columns = picture.shape
+    rows, columns = image.shape
     result = np.empty((rows, columns, 3), np.float32)
     for v in range(rows):
         for u in range(columns):
             tx, ty = _texel(texel_H_image, u, v)
-            level = picture[v, u]
+            level = image[v, u]
             share = min(max((_COLORLESS - level) / np.float32(80), np.float32(0)), np.float32(1))
             for c in range(3):
                 factor = _sample_linear(tint[:, :, c], tx / COARSE, ty / COARSE) - np.float32(1)
@@ -176,10 +176,10 @@ def colored(picture: FloatImage, texel_H_image: Homography, tint: NDArray[np.flo
 
 
 @lazy_kernel()
-def quantised(picture: FloatImage, noise: FloatImage, gain: np.float32, offset: np.float32) -> Image:
-    """Gain * picture + offset + noise, rounded to uint8; all arrays are flat float32."""
-    result = np.empty(len(picture), np.uint8)
-    for i in range(len(picture)):
-        level = gain * picture[i] + offset + noise[i] + np.float32(0.5)
+def quantised(image: FloatImage, noise: FloatImage, gain: np.float32, offset: np.float32) -> Image:
+    """Gain * image + offset + noise, rounded to uint8; all arrays are flat float32."""
+    result = np.empty(len(image), np.uint8)
+    for i in range(len(image)):
+        level = gain * image[i] + offset + noise[i] + np.float32(0.5)
         result[i] = int(min(max(level, np.float32(0)), np.float32(255)))
     return result
