@@ -24,7 +24,7 @@ from numba.extending import typeof_impl
 from stab_ros.core.kernel_cache import UNUSABLE, forget, readable
 
 Signature: TypeAlias = tuple[Any, ...]  # numba types of the arguments; the return type is inferred
-Progress: TypeAlias = Callable[["Compilation"], None]
+CompilationProgress: TypeAlias = Callable[["Compilation"], None]
 Compiler: TypeAlias = Callable[[], "Compilation"]
 
 U8, U16, F32, F64, I64, BOOL = types.uint8, types.uint16, types.float32, types.float64, types.int64, types.boolean
@@ -92,7 +92,7 @@ class Kernel:
         except RuntimeError as error:  # there is no folder for the cache
             return self._uncached(error)
         try:
-            return self._specialised(dispatcher)
+            return self._specialized(dispatcher)
         except UNUSABLE as error:
             return self._recompiled(dispatcher, error)
 
@@ -100,15 +100,15 @@ class Kernel:
         """Compiled again after a damaged cache entry was deleted; without the cache if that fails, too."""
         try:
             forget(damaged)
-            return self._specialised(self._to_compile(cache=True))
+            return self._specialized(self._to_compile(cache=True))
         except UNUSABLE:
             return self._uncached(error)
 
     def _uncached(self, error: Exception) -> Any:
         self.trouble = _named(error)
-        return self._specialised(self._to_compile(cache=False))
+        return self._specialized(self._to_compile(cache=False))
 
-    def _specialised(self, dispatcher: Any) -> Any:
+    def _specialized(self, dispatcher: Any) -> Any:
         for signature in self.signatures:
             try:
                 dispatcher.compile(signature)
@@ -208,7 +208,7 @@ def no_progress(_so_far: Compilation) -> None:
     """Default progress callback, which does nothing."""
 
 
-def compile_kernels(progress: Progress = no_progress) -> Compilation:
+def compile_kernels(progress: CompilationProgress = no_progress) -> Compilation:
     """Compiles the kernels of all imported modules, or loads them from the cache.
 
     progress: called after each kernel.

@@ -11,7 +11,7 @@ from stab_ros.core.types import BoolArray, Fit, FloatArray, Homography
 from stab_ros.estimation import gauss_newton as gn
 from stab_ros.estimation.covariance import covariance_of, fit_least_squares
 from stab_ros.estimation.models import minimal_points
-from stab_ros.estimation.problem import LEAST_SQUARES, RANSAC, Problem
+from stab_ros.estimation.problem import LEAST_SQUARES, RANSAC, EstimationProblem
 from stab_ros.estimation.samples import best_sample, samples_needed
 
 _MAX_OUTLIER_SHARE = 0.5  # breakdown point of LMedS
@@ -23,12 +23,12 @@ _MAX_EXPONENT = 100.0  # of exp, against overflow
 _RAYLEIGH_MEDIAN = math.sqrt(2 * math.log(2))  # median distance for a standard deviation of 1 along each axis
 
 
-def ransac(problem: Problem, _guess: Homography) -> Fit | None:
+def ransac(problem: EstimationProblem, _guess: Homography) -> Fit | None:
     """RANSAC (Fischler and Bolles 1981): least squares over the largest consensus set."""
     return _consensus_fit(problem, problem.threshold_px)
 
 
-def ed_ransac(problem: Problem, _guess: Homography) -> Fit | None:
+def ed_ransac(problem: EstimationProblem, _guess: Homography) -> Fit | None:
     """ED-RANSAC (Zhang et al. 2023, section 2.2): a RANSAC consensus set, filtered by a second threshold.
 
     Eq. 6: ED = sqrt((x_r - x_s)^2 + (y_r - y_s)^2), the Euclidean distance of a pair after the transformation (eq. 5),
@@ -43,7 +43,7 @@ def ed_ransac(problem: Problem, _guess: Homography) -> Fit | None:
     return None if fit is None else _with_selection_variance(problem, first, fit)
 
 
-def lmeds(problem: Problem, _guess: Homography) -> Fit | None:
+def lmeds(problem: EstimationProblem, _guess: Homography) -> Fit | None:
     """Least median of squares (Rousseeuw 1984), then least squares over residuals within 2.5 standard deviations.
 
     Robust standard deviation and limit: Rousseeuw and Leroy (1987), chapter 5, eq. 1.3. `threshold` is not used.
@@ -61,7 +61,7 @@ def lmeds(problem: Problem, _guess: Homography) -> Fit | None:
     return None if H is None else fit_least_squares(problem, _lmeds_inliers(problem, H), H)
 
 
-def three_sigma(problem: Problem, guess: Homography) -> Fit | None:
+def three_sigma(problem: EstimationProblem, guess: Homography) -> Fit | None:
     """Least squares, repeated without residuals above three standard deviations until none is left (Pauta)."""
     chosen, H = problem.trust > 0, problem.polish(LEAST_SQUARES, guess, problem.threshold_px)
     while H is not None:
@@ -72,7 +72,7 @@ def three_sigma(problem: Problem, guess: Homography) -> Fit | None:
     return None
 
 
-def _consensus_fit(problem: Problem, threshold_px: float) -> Fit | None:
+def _consensus_fit(problem: EstimationProblem, threshold_px: float) -> Fit | None:
     """Least squares over the largest consensus set of any minimal sample."""
     trust = max(float(problem.trust.sum()), 1e-9)
 
@@ -87,14 +87,14 @@ def _consensus_fit(problem: Problem, threshold_px: float) -> Fit | None:
     return fit_least_squares(problem, consensus, H, int(consensus.sum()))
 
 
-def _lmeds_inliers(problem: Problem, H: Homography) -> BoolArray:
+def _lmeds_inliers(problem: EstimationProblem, H: Homography) -> BoolArray:
     """(N,) bool: residuals within 2.5 robust standard deviations."""
     spare = max(1, len(problem.pairs) - minimal_points(problem.basis.model))
     deviation_px = 1.4826 * (1 + 5 / spare) * math.sqrt(_median_squared_residual_px2(problem, H))
     return np.asarray(problem.squared_ratios(H, _LMEDS_SIGMAS * deviation_px) < 1)
 
 
-def _median_squared_residual_px2(problem: Problem, H: Homography) -> float:
+def _median_squared_residual_px2(problem: EstimationProblem, H: Homography) -> float:
     """Weighted median of the squared residuals, with the prior weights, px^2."""
     squared = _residuals_px(problem, H) ** 2
     order = np.argsort(squared, kind="stable")
@@ -102,19 +102,19 @@ def _median_squared_residual_px2(problem: Problem, H: Homography) -> float:
     return float(squared[order][np.searchsorted(trust, trust[-1] / 2)])
 
 
-def _residuals_px(problem: Problem, H: Homography) -> FloatArray:
+def _residuals_px(problem: EstimationProblem, H: Homography) -> FloatArray:
     """Residuals (N,), px; infinite for points behind the camera."""
     pairs = problem.pairs
     return np.asarray(np.sqrt(gn.squared_residuals(H, pairs.reference_px, pairs.current_px, problem.metric)))
 
 
-def _deviation_px(problem: Problem, chosen: BoolArray, H: Homography) -> float:
+def _deviation_px(problem: EstimationProblem, chosen: BoolArray, H: Homography) -> float:
     """Sample standard deviation of the chosen residuals, px."""
     distance = _residuals_px(problem, H)[chosen]
     return max(math.sqrt(float(np.sum(distance**2)) / max(1, len(distance) - 1)), _MIN_DEVIATION_PX)
 
 
-def _with_selection_variance(problem: Problem, first: Fit, fit: Fit) -> Fit:
+def _with_selection_variance(problem: EstimationProblem, first: Fit, fit: Fit) -> Fit:
     """The second fit with a covariance that includes the selection by the first one.
 
     Of errors with standard deviation s along each axis, those inside a disc of radius t around a first estimate with

@@ -8,7 +8,7 @@ from stab_ros.core.geometry import apply
 from stab_ros.core.types import BoolArray, Fit, FloatArray, Homography
 from stab_ros.estimation import gauss_newton as gn
 from stab_ros.estimation.models import PARAMETERS
-from stab_ros.estimation.problem import LEAST_SQUARES, LossFunction, Problem
+from stab_ros.estimation.problem import LEAST_SQUARES, EstimationProblem, LossFunction
 
 # Correlation between the errors of any two features. Calibrated on the sequences of docs/uncertainty.md, so that the
 # median of error over sigma is near its expectation. Measured directly between patches 40 to 160 px apart, it is 0 to
@@ -17,7 +17,7 @@ _COMMON_CORRELATION = 0.0018
 _CELLS = 10  # per axis: cells are larger than a patch, and numerous enough to estimate a variance
 
 
-def fit_with_loss(problem: Problem, loss_function: LossFunction, H: Homography) -> Fit | None:
+def fit_with_loss(problem: EstimationProblem, loss_function: LossFunction, H: Homography) -> Fit | None:
     """Final fit with a loss function, starting from H; the excess scatter of the scene is added to each covariance.
 
     Returns None where the correspondences do not determine a homography.
@@ -32,7 +32,8 @@ def fit_with_loss(problem: Problem, loss_function: LossFunction, H: Homography) 
     return make_fit(problem, polished, weight, ratios < 1)
 
 
-def fit_least_squares(problem: Problem, chosen: BoolArray, H: Homography, consensus: int | None = None) -> Fit | None:
+def fit_least_squares(problem: EstimationProblem, chosen: BoolArray, H: Homography,
+                      consensus: int | None = None) -> Fit | None:
     """Least squares fit to the chosen correspondences, (N,) bool, starting from H; None where they determine none.
 
     consensus: see `Fit`.
@@ -46,7 +47,7 @@ def fit_least_squares(problem: Problem, chosen: BoolArray, H: Homography, consen
     return None if polished is None else make_fit(problem, polished, problem.trust, chosen, consensus)
 
 
-def make_fit(problem: Problem, H: Homography, weight: FloatArray, inlier: BoolArray,
+def make_fit(problem: EstimationProblem, H: Homography, weight: FloatArray, inlier: BoolArray,
            consensus: int | None = None) -> Fit | None:
     """The `Fit` of a homography; None where the weighted correspondences do not determine it.
 
@@ -59,7 +60,8 @@ def make_fit(problem: Problem, H: Homography, weight: FloatArray, inlier: BoolAr
     return Fit(H, inlier, covariance, float(np.sqrt(np.mean(distance[inlier]))), consensus)
 
 
-def covariance_of(problem: Problem, weight: FloatArray, H: Homography, least: float = 1.0) -> FloatArray | None:
+def covariance_of(problem: EstimationProblem, weight: FloatArray, H: Homography,
+                  least: float = 1.0) -> FloatArray | None:
     """Covariance (8, 8) of the entries h00 .. h21: the sandwich estimator N^-1 V N^-1 (Huber 1967).
 
     V is the variance of the score as predicted by the information matrices, times two factors: the ratio of the

@@ -20,17 +20,24 @@ from stab_ros.core.types import Correspondences, Fit, FloatArray, Homography
 from stab_ros.estimation.consensus import ed_ransac, lmeds, ransac, three_sigma
 from stab_ros.estimation.covariance import fit_with_loss
 from stab_ros.estimation.models import minimal_points, nearest
-from stab_ros.estimation.problem import LEAST_SQUARES, MAGSAC, RANSAC, RANSAC_THRESHOLD_PX, LossFunction, Problem
+from stab_ros.estimation.problem import (
+    LEAST_SQUARES,
+    MAGSAC,
+    RANSAC,
+    RANSAC_THRESHOLD_PX,
+    EstimationProblem,
+    LossFunction,
+)
 from stab_ros.estimation.search import search
 
 
-def _with_loss(loss_function: LossFunction, problem: Problem, guess: Homography) -> Fit | None:
+def _with_loss(loss_function: LossFunction, problem: EstimationProblem, guess: Homography) -> Fit | None:
     H = search(problem, loss_function, guess)
     return None if H is None else fit_with_loss(problem, loss_function, H)
 
 
 # Each returns None where the correspondences determine no homography. The initial guess is a homography of the model.
-ESTIMATORS: Mapping[str, Callable[[Problem, Homography], Fit | None]] = {
+ESTIMATORS: Mapping[str, Callable[[EstimationProblem, Homography], Fit | None]] = {
     "least_squares": partial(_with_loss, LEAST_SQUARES),
     "ransac": ransac,
     "lo_ransac": partial(_with_loss, RANSAC),
@@ -60,7 +67,7 @@ def fit(pairs: Correspondences, model: str, estimator: str, threshold_px: float,
     if len(pairs) < minimal_points(model):
         return None
     trust = np.ones(len(pairs)) if trust is None else trust
-    problem = Problem.of(pairs, trust, model, threshold_px, ransac_threshold_px)
+    problem = EstimationProblem.of(pairs, trust, model, threshold_px, ransac_threshold_px)
     return ESTIMATORS[estimator](problem, nearest(model, guess, pairs.current_px))
 
 
@@ -72,4 +79,4 @@ def refine(pairs: Correspondences, model: str, threshold_px: float, guess: Homog
     """
     if len(pairs) < minimal_points(model):
         return None
-    return search(Problem.of(pairs, trust, model, threshold_px), MAGSAC, guess)
+    return search(EstimationProblem.of(pairs, trust, model, threshold_px), MAGSAC, guess)

@@ -68,7 +68,7 @@ LEAST_SQUARES, RANSAC, MAGSAC = LossFunction.least_squares(), LossFunction.ransa
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class EstimationProblem:
     """Correspondences with the quantities that all estimators need.
 
     Attributes:
@@ -91,22 +91,22 @@ class Problem:
 
     @staticmethod
     def of(pairs: Correspondences, trust: FloatArray, model: str, threshold_px: float,
-           ransac_threshold_px: float = RANSAC_THRESHOLD_PX) -> Problem:
+           ransac_threshold_px: float = RANSAC_THRESHOLD_PX) -> EstimationProblem:
         strength = strongest(pairs.information)
         metric, noise = pairs.information / strength[:, None, None], own_noise(strength)
         basis = Basis.around(model, pairs.reference_px)
-        return Problem(pairs, metric, trust, noise, basis, threshold_px, ransac_threshold_px)
+        return EstimationProblem(pairs, metric, trust, noise, basis, threshold_px, ransac_threshold_px)
 
-    def restricted_to(self, chosen: BoolArray) -> Problem:
+    def restricted_to(self, chosen: BoolArray) -> EstimationProblem:
         """The same problem with prior weights of 0 for all but the chosen features, (N,) bool."""
         return dataclasses.replace(self, trust=np.where(chosen, self.trust, 0.0))
 
-    def euclidean(self) -> Problem:
+    def euclidean(self) -> EstimationProblem:
         """The same problem with Euclidean residuals and the same inlier threshold for all features."""
         n = len(self.pairs)
         return dataclasses.replace(self, metric=np.tile(np.eye(2), (n, 1, 1)), noise=np.zeros(n))
 
-    def noise_inflated(self, sigma_px: float) -> Problem:
+    def noise_inflated(self, sigma_px: float) -> EstimationProblem:
         """The same problem with an isotropic error added to each feature: information (Omega^-1 + sigma^2 I)^-1."""
         information, variance = self.pairs.information, sigma_px**2
         trace = information[:, 0, 0] + information[:, 1, 1]

@@ -9,7 +9,7 @@ import numpy as np
 
 from stab_ros.core.types import FloatArray, Homography, IdArray
 from stab_ros.estimation.models import minimal_homographies, minimal_points
-from stab_ros.estimation.problem import TRUSTED, Problem
+from stab_ros.estimation.problem import TRUSTED, EstimationProblem
 
 _CONFIDENCE = 0.999
 _MAX_SAMPLES = 500
@@ -20,8 +20,8 @@ _SEED = 20201020
 Scorer = Callable[[FloatArray], tuple[Homography | None, float]]
 
 
-def best_sample(problem: Problem, score: Scorer, required: Callable[[float], float], best: Homography | None = None,
-               least: float = math.inf) -> Homography | None:
+def best_sample(problem: EstimationProblem, score: Scorer, required: Callable[[float], float],
+                best: Homography | None = None, least: float = math.inf) -> Homography | None:
     """The homography with the smallest loss among `best` (with loss `least`) and those of random minimal samples.
 
     Samples are drawn until their number reaches `required(loss)` of the smallest loss so far.
@@ -37,7 +37,7 @@ def best_sample(problem: Problem, score: Scorer, required: Callable[[float], flo
     return best
 
 
-def samples_needed(problem: Problem, outliers: float) -> float:
+def samples_needed(problem: EstimationProblem, outliers: float) -> float:
     """Number of samples for a probability of 0.999 that one is free of outliers, with a share `outliers` of them.
 
     Fischler and Bolles (1981); Hartley and Zisserman (2004), eq. 4.18.
@@ -46,7 +46,7 @@ def samples_needed(problem: Problem, outliers: float) -> float:
     return math.log(1 - _CONFIDENCE) / math.log(1 - clean)
 
 
-def _samples(problem: Problem) -> Iterator[IdArray]:
+def _samples(problem: EstimationProblem) -> Iterator[IdArray]:
     """Batches of minimal samples (_BATCH, n), indices of trusted features if there are enough; always the same."""
     draw = np.random.default_rng(_SEED)
     n = minimal_points(problem.basis.model)
@@ -57,7 +57,7 @@ def _samples(problem: Problem) -> Iterator[IdArray]:
         yield samples[[len(set(row)) == n for row in samples.tolist()]]
 
 
-def _homographies_of(problem: Problem, samples: IdArray) -> FloatArray:
+def _homographies_of(problem: EstimationProblem, samples: IdArray) -> FloatArray:
     """Homographies (M, 3, 3) of the samples."""
     pairs = problem.pairs
     return minimal_homographies(problem.basis.model, pairs.current_px[samples], pairs.reference_px[samples])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from stab_ros.core.types import FloatArray, Homography
-from stab_ros.estimation.problem import LossFunction, Problem
+from stab_ros.estimation.problem import EstimationProblem, LossFunction
 from stab_ros.estimation.samples import best_sample, samples_needed
 
 _NOISE_FLOOR_SHARE = 0.2  # isotropic error added to each feature during the search, as a share of the threshold
@@ -13,7 +13,7 @@ _LOCAL_ITERATIONS = 2
 _SUFFICIENT_SUPPORT = 0.8
 
 
-def search(problem: Problem, loss_function: LossFunction, guess: Homography) -> Homography | None:
+def search(problem: EstimationProblem, loss_function: LossFunction, guess: Homography) -> Homography | None:
     """The homography with the smallest loss among the refined guess and locally optimized minimal samples.
 
     Locally optimized RANSAC (Chum et al. 2003): each good sample is optimized before it is compared. During the search
@@ -38,7 +38,8 @@ def search(problem: Problem, loss_function: LossFunction, guess: Homography) -> 
     return best_sample(problem, score, lambda loss: samples_needed(problem, loss / trust), best, least)
 
 
-def _graduated_refinement(problem: Problem, loss_function: LossFunction, guess: Homography) -> Homography | None:
+def _graduated_refinement(problem: EstimationProblem, loss_function: LossFunction,
+                          guess: Homography) -> Homography | None:
     """The guess refined with decreasing thresholds (graduated non-convexity), for a guess that is a few px off."""
     H: Homography | None = guess
     limit_px = 3 * problem.median_residual_px(guess)
@@ -48,7 +49,8 @@ def _graduated_refinement(problem: Problem, loss_function: LossFunction, guess: 
     return _local_optimization(problem, loss_function, H)
 
 
-def _local_optimization(problem: Problem, loss_function: LossFunction, H: Homography | None) -> Homography | None:
+def _local_optimization(problem: EstimationProblem, loss_function: LossFunction,
+                        H: Homography | None) -> Homography | None:
     """H refitted to its inliers, with a threshold adapted to their scatter."""
     for _ in range(_LOCAL_ITERATIONS):
         H = None if H is None else problem.polish(loss_function, H, problem.inlier_threshold_px(loss_function, H))

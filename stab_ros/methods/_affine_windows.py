@@ -35,7 +35,7 @@ class AffineMaps:
         return AffineMaps(centres, np.tile(np.eye(2), (len(centres), 1, 1)))
 
     @staticmethod
-    def linearised(H: Homography, centres: FloatArray) -> AffineMaps:
+    def linearized(H: Homography, centres: FloatArray) -> AffineMaps:
         """H expanded to first order at each of `centres` (N, 2), px."""
         mapped = apply(H, centres)
         w = centres @ H[2, :2] + H[2, 2]

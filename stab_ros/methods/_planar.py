@@ -89,7 +89,7 @@ def _steepest_descent(mean_image: FloatArray, pattern: FloatArray, power: FloatA
     """Steepest descent images (N, k, s s) of the free parameters, orthogonal to a constant and to the template."""
     gx = (mean_image[:, 1:-1, 2:] - mean_image[:, 1:-1, :-2]) / 2
     gy = (mean_image[:, 2:, 1:-1] - mean_image[:, :-2, 1:-1]) / 2
-    u = _normalised_coordinates(pattern.shape[1])
+    u = _normalized_coordinates(pattern.shape[1])
     v = u[:, None]
     motions = (gx, gy, gy * u - gx * v, gx * u + gy * v, gx * u - gy * v, gx * v + gy * u)
     steepest = np.stack([_centred(motions[a]) for a in free], axis=1)
@@ -102,7 +102,7 @@ def _displacement_field(step: FloatArray, free: IdArray, side: int) -> tuple[Flo
     return step[:, :2], np.einsum("na,aij->nij", step, _GENERATORS[free]) / ((side - 1) / 2)
 
 
-def _normalised_coordinates(side: int) -> FloatArray:
+def _normalized_coordinates(side: int) -> FloatArray:
     """(s,) coordinates from -1 to 1 across the template."""
     return np.linspace(-1, 1, side)
 

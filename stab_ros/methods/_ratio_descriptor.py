@@ -82,7 +82,7 @@ def _described(scale: RatioGradient, px: FloatArray, angle: FloatArray) -> Float
     votes = np.zeros((DIRECTIONS, *size.shape), np.float32)
     for k in range(DIRECTIONS):  # linear interpolation between the two nearest directions
         votes[k] = size * ((lower % DIRECTIONS == k) * (1 - share) + ((lower + 1) % DIRECTIONS == k) * share)
-    return _normalised(np.einsum("ps,dns->npd", _MEMBERS, votes, optimize=True).reshape(len(px), -1))
+    return _normalized(np.einsum("ps,dns->npd", _MEMBERS, votes, optimize=True).reshape(len(px), -1))
 
 
 def _sampled(scale: RatioGradient, px: FloatArray, offsets: FloatArray) -> tuple[Float32Array, Float32Array]:
@@ -94,7 +94,7 @@ def _sampled(scale: RatioGradient, px: FloatArray, offsets: FloatArray) -> tuple
     return scale.right[row, column] * inside, scale.down[row, column] * inside
 
 
-def _normalised(descriptor: Float32Array) -> Float32Array:
+def _normalized(descriptor: Float32Array) -> Float32Array:
     """Unit length, clipped and normalized again (Lowe 2004, section 6.1)."""
     for most in (_CLIP, np.inf):
         length = np.linalg.norm(descriptor, axis=1, keepdims=True)

@@ -37,12 +37,12 @@ class RatioGradient:
 
 def ratio_gradient(gray: Gray, alpha_px: float) -> RatioGradient:
     """The gradient by ratio of an image (h, w) uint8 at scale `alpha_px`."""
-    picture = gray.astype(np.float32) + 1  # speckle may be black
+    image = gray.astype(np.float32) + 1  # speckle may be black
     reach = round(_KERNEL_RADIUS * alpha_px)
     both = np.exp(-np.abs(np.arange(-reach, reach + 1)) / alpha_px).astype(np.float32)
     after = np.where(np.arange(-reach, reach + 1) > 0, both, np.float32(0))
     right, left, down, up = (
-        cv2.sepFilter2D(picture, cv2.CV_32F, kernel_x, kernel_y, borderType=cv2.BORDER_REFLECT)
+        cv2.sepFilter2D(image, cv2.CV_32F, kernel_x, kernel_y, borderType=cv2.BORDER_REFLECT)
         for kernel_x, kernel_y in ((after, both), (after[::-1], both), (both, after), (both, after[::-1]))
     )
     return RatioGradient(alpha_px, np.log(right / left), np.log(down / up))

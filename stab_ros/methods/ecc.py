@@ -95,12 +95,12 @@ class Ecc:
         if not last and cv2.countNonZero(level.mask) < _MIN_ALLOWED_PX:
             return guess
         H = normalized(level.scale @ guess @ np.linalg.inv(level.scale)).astype(np.float32)
-        correlation, H = self._maximise_correlation(gray, level, H)
+        correlation, H = self._maximize_correlation(gray, level, H)
         H = normalized(np.linalg.inv(level.scale) @ H.astype(np.float64) @ level.scale)
         enough = correlation >= self._config.min_correlation
         return H if enough and is_plausible(H, self._levels[0].reference.shape[::-1]) else None
 
-    def _maximise_correlation(self, gray: Gray, level: EccLevel, H: Homography) -> tuple[float, Homography]:
+    def _maximize_correlation(self, gray: Gray, level: EccLevel, H: Homography) -> tuple[float, Homography]:
         """The maximum of the correlation coefficient and its homography (float32); -1 where the iteration diverges.
 
         The frame is OpenCV's template image and the reference its input image, because its mask refers to the input.

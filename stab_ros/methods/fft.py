@@ -169,7 +169,7 @@ class Fft:
     def _search(self, current: Gray, guess: Homography, chosen: IdArray) -> Correspondences:
         """Correspondences of those chosen points that are found around their positions under `guess`."""
         centres = self.reference_px[chosen]
-        maps = (AffineMaps.linearised(np.linalg.inv(guess), centres) if self._config.follow else
+        maps = (AffineMaps.linearized(np.linalg.inv(guess), centres) if self._config.follow else
                 AffineMaps.identity(centres))
         found = np.ones(len(centres), bool)
         for number, one in enumerate(self._passes):

@@ -110,7 +110,7 @@ class RegionMethod:
 
     def _search(self, current: Gray, blurred: Image, guess: Homography, chosen: IdArray) -> Correspondences:
         """Correspondences of those chosen markers that are found around their positions under `guess`."""
-        maps = AffineMaps.linearised(np.linalg.inv(guess), self.reference_px[chosen])
+        maps = AffineMaps.linearized(np.linalg.inv(guess), self.reference_px[chosen])
         areas = sample(current, maps, self._config.search)
         lag_px, clear = _planar.best_lag(self._pattern[chosen], areas)
         start = maps.displaced(lag_px, np.zeros((len(chosen), 2, 2)))

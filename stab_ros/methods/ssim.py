@@ -100,7 +100,7 @@ class Ssim:
 
     def _search(self, current: Gray, guess: Homography, chosen: IdArray) -> Correspondences:
         """Correspondences of those chosen points that are found around their positions under `guess`."""
-        maps = AffineMaps.linearised(np.linalg.inv(guess), self.reference_px[chosen])
+        maps = AffineMaps.linearized(np.linalg.inv(guess), self.reference_px[chosen])
         if not self._config.update_kernels:
             maps = AffineMaps.identity(maps.centres)
         found_px = self._located(current, maps, self._config.search, chosen)

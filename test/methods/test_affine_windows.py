@@ -12,7 +12,7 @@ from stab_ros.methods._affine_windows import AffineMaps, sample
 def test_areas_are_exact_where_the_picture_is_a_parabola() -> None:
     y, x = np.mgrid[:60, :80].astype(np.float32)
     H = similarity(7.0, 1.1, 2.3, -1.4, (80, 60))
-    maps = AffineMaps.linearised(H, np.array([[40.5, 30.5], [37.0, 28.0]]))
+    maps = AffineMaps.linearized(H, np.array([[40.5, 30.5], [37.0, 28.0]]))
     areas = sample(0.05 * x * x + 0.3 * x * y - 0.02 * y * y + x - 2 * y, maps, 9)
     v, u = np.mgrid[:9, :9] - 4.0
     for area, centre in zip(areas, [[40.5, 30.5], [37.0, 28.0]], strict=True):
@@ -25,7 +25,7 @@ def test_areas_are_exact_where_the_picture_is_a_parabola() -> None:
 def test_areas_touch_the_homography() -> None:
     H = np.array([[1.01, 0.02, 3.0], [-0.01, 0.98, -2.0], [2e-5, -3e-5, 1.0]])
     centres = np.array([[100.0, 50.0], [300.0, 250.0]])
-    maps, tiny = AffineMaps.linearised(H, centres), 1e-3
+    maps, tiny = AffineMaps.linearized(H, centres), 1e-3
     for axis in (0, 1):
         step = tiny * np.eye(2)[axis]
         slope = (apply(H, centres + step) - apply(H, centres - step)) / (2 * tiny)
