@@ -100,7 +100,7 @@ class DirectConfig(Checked):
 
     patches: int = setting(2400, "Number of patches, spread evenly; their alignment uses a fixed inlier threshold of "
                                  "0.5 px, `threshold` applies to the fit afterwards", 16, 20000)
-    radius: int = setting(8, "Half the side of a patch: 8 is 17x17, px", 3, 20)
+    radius: int = setting(8, "Half the side of a patch (8 gives 17x17 pixels), px", 3, 20)
     min_correlation: float = setting(0.5, "Minimum correlation of a patch with its template", 0.1, 0.99)
     min_texture: float = setting(0.5, "Minimum mean squared gradient of a patch, grey levels^2 per px^2", 0.01, 1e4)
     subset: str = setting("all", "Subset of the patches to use; the two disjoint halves allow a cross-check",
