@@ -1,1 +1,1 @@
-"""The engine: numpy, cv2 and numba only; no input or output, no logging, no clock."""
+"""Shared foundations: value types, geometry, regions, kernels, threads. No input or output, no logging, no clock."""

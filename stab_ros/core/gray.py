@@ -1,4 +1,4 @@
-"""From any decoded picture to the 8-bit gray the methods work on."""
+"""Conversion of decoded images to the 8-bit gray images that the methods use."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ _FULL_8_BIT = 255.0
 
 
 def depth_scale(frame: Frame) -> float:
-    """The factor from the frame's grey levels to 8 bit; a 16-bit sensor seldom fills its range, so it is measured.
+    """Factor from the frame's grey levels to 8 bits.
 
-    Fixed by the reference and used for all frames after it, so that brightness stays comparable.
+    It is 1 for 8-bit frames. For mono16 it is measured, because a 16-bit sensor rarely uses its full range. The factor
+    of the reference is used for all later frames, so that brightness remains comparable.
     """
     if frame.encoding != "mono16" or not frame.image.size:
         return 1.0
@@ -30,7 +31,7 @@ def depth_scale(frame: Frame) -> float:
 
 
 def to_gray(frame: Frame, scale: float = 1.0) -> Gray:
-    """(h, w) uint8; mono8 is passed on without a copy."""
+    """The frame as gray (h, w) uint8; mono8 images are not copied. scale: from `depth_scale`, for mono16."""
     if frame.encoding == "mono8":
         return frame.image
     if frame.encoding == "mono16":
@@ -39,7 +40,7 @@ def to_gray(frame: Frame, scale: float = 1.0) -> Gray:
 
 
 def without_colour(frame: Frame) -> Frame:
-    """The frame as mono8 where it has colour: all that is measured is in it, in a third of the memory."""
+    """The frame as mono8 if it has colour, which needs a third of the memory; otherwise the frame itself."""
     if frame.encoding not in _TO_GRAY:
         return frame
     return dataclasses.replace(frame, image=to_gray(frame), encoding="mono8")

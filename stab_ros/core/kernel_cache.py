@@ -1,8 +1,9 @@
-"""Where numba looks for compiled kernels: as by itself, but a folder that can only be read will do, too.
+"""Locations of numba's cache of compiled kernels, including folders that are read-only.
 
-As that of an image or a package that root has warmed up, where the node runs as somebody else. It must hold code of
-this source for this machine; if it does not, numba takes the next place that can be written. The classes are named in
-`numba.config.CACHE_LOCATOR_CLASSES`, which numba has since 0.62; before, it wants folders that can be written.
+By default numba uses writable folders only. A cache in a container image or in an installed package may be read-only
+for the user who runs the node. Such a folder is used if it has code of this source for this processor; otherwise numba
+uses the next writable location. The classes are listed in `numba.config.CACHE_LOCATOR_CLASSES` (numba 0.62 and later;
+earlier versions need writable folders).
 """
 
 from __future__ import annotations
@@ -20,26 +21,26 @@ from numba.core import caching
 from numba.core.registry import cpu_target
 
 _SETTING = "CACHE_LOCATOR_CLASSES"
-# what reading an index or code that is damaged, or of another version, may raise
+# exceptions when reading an index or code that is damaged or of another version
 UNUSABLE = (RuntimeError, OSError, EOFError, ValueError, TypeError, AttributeError, LookupError, ImportError,
             MemoryError, pickle.PickleError)
 
 
-class Given:
+class UserProvided:
     """The folder of NUMBA_CACHE_DIR."""
 
     @staticmethod
     def from_function(function: Callable[..., Any], file: str) -> Any:
-        """What numba asks for; None if there is no such folder, or nothing is in it and it cannot be written."""
+        """The cache locator; None without such a folder, or if it is neither usable nor writable."""
         return _located(caching.UserProvidedCacheLocator, function, file) if config.CACHE_DIR else None
 
 
-class BesideTheSource:
-    """`__pycache__`."""
+class InTree:
+    """The folder `__pycache__` next to the source."""
 
     @staticmethod
     def from_function(function: Callable[..., Any], file: str) -> Any:
-        """What numba asks for; None if nothing is there and it cannot be written."""
+        """The cache locator; None if the folder is neither usable nor writable."""
         return _located(caching.InTreeCacheLocator, function, file)
 
 
@@ -49,7 +50,7 @@ def _located(locator: Any, function: Callable[..., Any], file: str) -> Any:
 
 
 def _holds(found: Any, function: Callable[..., Any]) -> bool:
-    """Whether there is code of this source, numba and processor; what is damaged counts as none."""
+    """Whether the cache has code of this source, numba version and processor; a damaged cache has none."""
     try:
         with _index(found.get_cache_path(), function).open("rb") as file:
             if pickle.load(file) != numba.__version__:
@@ -62,23 +63,27 @@ def _holds(found: Any, function: Callable[..., Any]) -> bool:
 
 
 def _index(folder: str, function: Callable[..., Any]) -> Path:
-    """The file in which numba lists what it has kept of a function."""
+    """Numba's index file of a function."""
     module = Path(function.__code__.co_filename).stem
     version = f"py{sys.version_info[0]}{sys.version_info[1]}{getattr(sys, 'abiflags', '')}"
     return Path(folder, f"{module}.{function.__qualname__}-{function.__code__.co_firstlineno}.{version}.nbi")
 
 
 def forget(dispatcher: Any) -> None:
-    """What was kept of a function, if that can be written. Raises OSError."""
+    """Deletes the cached code of a function.
+
+    Raises:
+        OSError: the cache is not writable.
+    """
     _index(dispatcher.stats.cache_path, dispatcher.py_func).unlink(missing_ok=True)
 
 
 @contextmanager
 def readable() -> Iterator[None]:
-    """Within it, kernels are also found where they cannot be written, unless the user has chosen the places."""
+    """Context in which kernels are also loaded from read-only folders, unless the user configured the locators."""
     before = getattr(config, _SETTING, None)
     if before == "":
-        setattr(config, _SETTING, f"{__name__}.Given,{__name__}.BesideTheSource,UserWideCacheLocator")
+        setattr(config, _SETTING, f"{__name__}.UserProvided,{__name__}.InTree,UserWideCacheLocator")
     try:
         yield
     finally:

@@ -1,12 +1,12 @@
-"""How the inner loops are compiled: each for the types that it declares, and all of them before the first frame.
+"""Compilation of the inner loops: each kernel for its declared types, and all kernels before the first frame.
 
-numba would compile a function when it is called, for whatever types come: seconds in the middle of a stream, and once
-more for a picture whose memory happens to be read-only. A `Kernel` has one specialisation for each signature that
-stands beside it, and never gets another; `compile_kernels` makes those of all modules that are imported.
+By default numba compiles a function at its first call for the argument types of that call. This takes seconds in the
+middle of a stream, and again for an image in read-only memory. A `Kernel` has one specialization per declared signature
+and is never compiled for others. `compile_kernels` compiles the kernels of all imported modules.
 
-The code is kept in a folder (numba's cache: `__pycache__`, else the user's, or NUMBA_CACHE_DIR). Where that cannot be
-used, each process compiles for itself. The cache sees by the file of a kernel whether it is out of date, so what a
-kernel calls stands in the same file.
+Compiled code is cached in a folder (numba's cache: `__pycache__`, else the user's cache, or NUMBA_CACHE_DIR). Where no
+cache is usable, each process compiles again. The cache detects changes by the source file of a kernel, so functions
+called by a kernel must be in the same file.
 """
 
 from __future__ import annotations
@@ -23,34 +23,42 @@ from numba.extending import typeof_impl
 
 from stab_ros.core.kernel_cache import UNUSABLE, forget, readable
 
-Signature: TypeAlias = tuple[Any, ...]  # numba's types of the arguments; what is returned follows from them
-Progress: TypeAlias = Callable[["Compilation"], None]
+Signature: TypeAlias = tuple[Any, ...]  # numba types of the arguments; the return type is inferred
+CompilationProgress: TypeAlias = Callable[["Compilation"], None]
 Compiler: TypeAlias = Callable[[], "Compilation"]
 
 U8, U16, F32, F64, I64, BOOL = types.uint8, types.uint16, types.float32, types.float64, types.int64, types.boolean
 
 
 def read(dtype: Any, ndim: int) -> Any:
-    """A C-contiguous array that is only read; memory that could be written will do as well."""
+    """Type of a C-contiguous input array; read-only and writable arrays are accepted."""
     return types.Array(dtype, ndim, "C", readonly=True)
 
 
 def filled(dtype: Any, ndim: int) -> Any:
-    """A C-contiguous array that is written into."""
+    """Type of a C-contiguous output array."""
     return types.Array(dtype, ndim, "C")
 
 
 class Kernel:
-    """A function that is compiled for its signatures, without the GIL; on its first call, if not before.
+    """A function compiled for its declared signatures, at its first call or earlier; it releases the GIL.
 
-    Kernels may call each other. Arrays of another layout are copied if they are only read; other types raise TypeError.
-    options: of `numba.njit`.
+    Kernels may call each other. Input arrays that are not C-contiguous are copied.
+
+    Attributes:
+        function: the Python function.
+        signatures: the declared signatures.
+        trouble: why the compiled code cannot be cached; empty if it can.
+
+    Raises:
+        TypeError: a call with arguments of other types.
     """
 
     def __init__(self, function: Callable[..., Any], signatures: tuple[Signature, ...],
                  options: dict[str, Any]) -> None:
+        """function: to compile. signatures: for which. options: of `numba.njit`."""
         self.function, self.signatures = function, signatures
-        self.trouble = ""  # why its code cannot be kept, once it is compiled
+        self.trouble = ""
         self._options = options
         self._dispatcher: Any = None
 
@@ -61,47 +69,50 @@ class Kernel:
         except TypeError:
             if len(arguments) != len(self.signatures[0]):
                 raise
-            return dispatcher(*map(_laid_out, arguments, self.signatures[0]))
+            return dispatcher(*map(_with_declared_layout, arguments, self.signatures[0]))
 
     @property
     def dispatcher(self) -> Any:
-        """What numba made of it, with all the specialisations that it will ever have."""
-        with _ONE_AT_A_TIME:
+        """Numba's dispatcher with all specializations."""
+        with _COMPILE_LOCK:
             if self._dispatcher is None:
                 self._dispatcher = self.function if numba.config.DISABLE_JIT else self._compiled()
         return self._dispatcher
 
     @property
     def was_compiled(self) -> bool:
-        """Whether any of its code was compiled by this process, and not found in the cache."""
+        """Whether this process compiled it instead of loading it from the cache."""
         return not numba.config.DISABLE_JIT and any(self.dispatcher.stats.cache_misses.values())
 
     def _compiled(self) -> Any:
-        """With the cache, where there is one that can be used; what is damaged in it is made anew."""
+        """Compiled with numba's cache if that is usable; damaged entries are deleted and compiled again."""
         try:
             with readable():
                 dispatcher = self._to_compile(cache=True)
-        except RuntimeError as error:  # there is no folder for it
-            self.trouble = _named(error)
-            return self._specialised(self._to_compile(cache=False))
+        except RuntimeError as error:  # there is no folder for the cache
+            return self._uncached(error)
         try:
-            return self._specialised(dispatcher)
+            return self._specialized(dispatcher)
         except UNUSABLE as error:
-            return self._anew(dispatcher, error)
+            return self._recompiled(dispatcher, error)
 
-    def _anew(self, damaged: Any, error: Exception) -> Any:
+    def _recompiled(self, damaged: Any, error: Exception) -> Any:
+        """Compiled again after a damaged cache entry was deleted; without the cache if that fails, too."""
         try:
             forget(damaged)
-            return self._specialised(self._to_compile(cache=True))
+            return self._specialized(self._to_compile(cache=True))
         except UNUSABLE:
-            self.trouble = _named(error)
-            return self._specialised(self._to_compile(cache=False))
+            return self._uncached(error)
 
-    def _specialised(self, dispatcher: Any) -> Any:
+    def _uncached(self, error: Exception) -> Any:
+        self.trouble = _named(error)
+        return self._specialized(self._to_compile(cache=False))
+
+    def _specialized(self, dispatcher: Any) -> Any:
         for signature in self.signatures:
             try:
                 dispatcher.compile(signature)
-            except OSError as error:  # a full disk: it is compiled, but could not be kept
+            except OSError as error:  # for example a full disk: it is compiled but not cached
                 if signature not in dispatcher.overloads:
                     raise
                 self.trouble = _named(error)
@@ -112,15 +123,15 @@ class Kernel:
         return numba.njit(cache=cache, nogil=True, **self._options)(self.function)
 
 
-_ONE_AT_A_TIME = RLock()  # kernels that are compiled: one may need another
+_COMPILE_LOCK = RLock()  # reentrant, because one kernel may call another
 
 
 def _named(error: Exception) -> str:
     return f"{type(error).__name__}: {error}"
 
 
-def _laid_out(argument: Any, declared: Any) -> Any:
-    """What is only read, contiguous and aligned."""
+def _with_declared_layout(argument: Any, declared: Any) -> Any:
+    """Input arrays made contiguous and aligned; other arguments unchanged."""
     if isinstance(declared, types.Array) and not declared.mutable:
         return np.require(argument, requirements=["C", "A"])
     return argument
@@ -128,15 +139,18 @@ def _laid_out(argument: Any, declared: Any) -> Any:
 
 @typeof_impl.register(Kernel)
 def _typeof(value: Kernel, context: Any) -> Any:
-    """What a kernel that calls this one sees."""
+    """The numba type of a kernel inside another kernel."""
     return typeof_impl(value.dispatcher, context)
 
 
-KERNELS: list[Kernel] = []  # of all modules that are imported
+KERNELS: list[Kernel] = []  # of all imported modules
 
 
 def kernel(*signatures: Signature, **options: Any) -> Callable[[Callable[..., Any]], Kernel]:
-    """Declares what a function is compiled for: `@kernel((read(U8, 2), F64), fastmath=True)`."""
+    """Decorator that declares a kernel: `@kernel((read(U8, 2), F64), fastmath=True)`.
+
+    signatures: argument types. options: of `numba.njit`.
+    """
 
     def declared(function: Callable[..., Any]) -> Kernel:
         KERNELS.append(Kernel(function, signatures, options))
@@ -146,21 +160,24 @@ def kernel(*signatures: Signature, **options: Any) -> Callable[[Callable[..., An
 
 
 def inlined(**options: Any) -> Any:
-    """Declares a part of the kernels of its file.
+    """Decorator of a function that is inlined into the kernels of its file. options: of `numba.njit`.
 
-    Linked separately, what is freshly compiled and what comes from the cache would round differently with `fastmath`,
-    and the live homographies would not be the command's.
+    If it were linked separately, freshly compiled and cached code would round differently with `fastmath`, and the node
+    and the command line would give different homographies.
     """
     return numba.njit(nogil=True, inline="always", **options)
 
 
 def lazy_kernel(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Compiled when it is called, for whatever comes: for scenes that are rendered, where nobody waits for a frame."""
+    """Decorator of a function that numba compiles at its first call, for code without real-time demands (rendering).
+
+    options: of `numba.njit`.
+    """
 
     def compiled(function: Callable[..., Any]) -> Any:
         try:
             return numba.njit(cache=True, nogil=True, **options)(function)
-        except RuntimeError:  # there is no folder for its code
+        except RuntimeError:  # there is no folder for the cache
             return numba.njit(nogil=True, **options)(function)
 
     return compiled
@@ -168,9 +185,13 @@ def lazy_kernel(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
 @dataclass(frozen=True)
 class Compilation:
-    """How far `compile_kernels` has come: `done` of `total` kernels.
+    """Progress of `compile_kernels`.
 
-    compiled: those that were not found in the cache. trouble: why they cannot be kept there ("": they are).
+    Attributes:
+        done: number of finished kernels.
+        total: number of kernels.
+        compiled: number of kernels that were not in the cache.
+        trouble: why they cannot be cached; empty if they can.
     """
 
     done: int
@@ -179,16 +200,19 @@ class Compilation:
     trouble: str = ""
 
     def after(self, one: Kernel) -> Compilation:
-        """With one kernel more."""
+        """The progress after one more kernel."""
         return Compilation(self.done + 1, self.total, self.compiled + one.was_compiled, self.trouble or one.trouble)
 
 
-def untold(_so_far: Compilation) -> None:
-    """Nobody wants to know how far it is."""
+def no_progress(_so_far: Compilation) -> None:
+    """Default progress callback, which does nothing."""
 
 
-def compile_kernels(progress: Progress = untold) -> Compilation:
-    """Compiles all kernels of the modules that are imported, or finds them in the cache."""
+def compile_kernels(progress: CompilationProgress = no_progress) -> Compilation:
+    """Compiles the kernels of all imported modules, or loads them from the cache.
+
+    progress: called after each kernel.
+    """
     so_far = Compilation(0, len(KERNELS))
     for one in KERNELS:
         _ = one.dispatcher

@@ -1,4 +1,4 @@
-"""What malloc does with the blocks of past pictures (glibc; elsewhere nothing is done)."""
+"""Tuning of malloc for large images (glibc only; no effect elsewhere)."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # malloc.h
 
 
 def keep_freed_memory() -> None:
-    """Lets malloc keep the blocks of past images for the next ones: a third less CPU for large frames."""
+    """Makes malloc reuse the memory of previous images, which saves a third of the CPU time for large frames."""
     if any(name.startswith("MALLOC_") for name in os.environ):
-        return  # the user has tuned it
+        return  # configured by the user
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:
         mallopt(_M_MMAP_THRESHOLD, 1 << 26)
@@ -19,7 +19,7 @@ def keep_freed_memory() -> None:
 
 
 def give_back_memory() -> None:
-    """Returns what is free to the system, after work that needs more than what follows."""
+    """Returns free memory to the system, after work that needs more memory than what follows."""
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim is not None:
         trim(0)

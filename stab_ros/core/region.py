@@ -1,4 +1,4 @@
-"""Where in the reference static ground may be looked for: polygons or masks of `roi` and `exclude`."""
+"""Regions of the reference: polygons or masks of `roi` and `exclude`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,16 @@ from stab_ros.core.types import BoolArray, FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """A part of the reference: either polygons (each (N, 2) px) or a mask ((h, w) bool); `name` for messages."""
+    """A region of the reference, given by polygons or by a mask.
+
+    Attributes:
+        name: for error messages.
+        polygons: (N, 2) corners each, px.
+        mask: (h, w) bool, used instead of the polygons.
+
+    Raises:
+        InputError: a polygon that `check_polygon` rejects.
+    """
 
     name: str
     polygons: tuple[FloatArray, ...] = ()
@@ -24,10 +33,10 @@ class Region:
             check_polygon(self.name, polygon)
 
     def inside(self, size: tuple[int, int]) -> BoolArray:
-        """(h, w) bool for a reference of `size` (width, height).
+        """Mask (h, w) bool of the region for a reference of `size` (width, height).
 
         Raises:
-            InputError: a mask of another size, or polygons that lie wholly outside.
+            InputError: a mask of another size, or polygons completely outside the reference.
         """
         if self.mask is not None:
             if self.mask.shape != (size[1], size[0]):
@@ -44,16 +53,16 @@ class Region:
 
 @dataclass(frozen=True, eq=False)
 class Area:
-    """Where features may lie: inside `roi` (everywhere without one), not inside `exclude`."""
+    """Where features may lie: inside `roi` (anywhere if None), not inside `exclude`."""
 
     roi: Region | None = None
     exclude: Region | None = None
 
     def allowed(self, size: tuple[int, int]) -> BoolArray:
-        """(h, w) bool.
+        """Mask (h, w) bool for a reference of `size` (width, height).
 
         Raises:
-            InputError: nothing is left.
+            InputError: no pixel is allowed, or a region does not fit the reference.
         """
         allowed = np.ones((size[1], size[0]), bool) if self.roi is None else self.roi.inside(size).copy()
         if self.exclude is not None:
@@ -64,35 +73,39 @@ class Area:
 
 
 def check_polygon(name: str, polygon: FloatArray) -> None:
-    """Raises InputError for fewer than 3 points, numbers that are not finite, no area, or sides that cross."""
+    """Validates a polygon (N, 2), px.
+
+    Raises:
+        InputError: fewer than 3 points, coordinates that are not finite, zero area, or intersecting sides.
+    """
     if polygon.ndim != 2 or polygon.shape[1:] != (2,) or len(polygon) < 3:
         raise InputError(f"{name}: a polygon needs at least 3 points [x, y]")
     if not np.isfinite(polygon).all() or np.abs(polygon).max() > 1e6:
         raise InputError(f"{name}: a polygon's coordinates must be finite numbers of pixels")
-    if _crosses_itself(polygon):
+    if _self_intersects(polygon):
         raise InputError(f"{name}: the polygon crosses itself, list its corners in order along the outline")
     if _area_px2(polygon) == 0:
         raise InputError(f"{name}: the polygon has no area, its points must not lie on one line")
 
 
 def _area_px2(polygon: FloatArray) -> float:
-    """By the shoelace formula, taken about the first point; sides that cross may cancel out."""
+    """Area by the shoelace formula relative to the first point; parts of a self-intersecting polygon may cancel."""
     x, y = (polygon - polygon[0]).T
     return float(abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2)
 
 
-def _crosses_itself(polygon: FloatArray) -> bool:
+def _self_intersects(polygon: FloatArray) -> bool:
     n = len(polygon)
     sides = [(polygon[i], polygon[(i + 1) % n]) for i in range(n)]
     return any(
-        _cross(*sides[i], *sides[j])
+        _segments_cross(*sides[i], *sides[j])
         for i in range(n)
         for j in range(i + 2, n)
         if (j + 1) % n != i  # neighbours share a corner
     )
 
 
-def _cross(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> bool:
+def _segments_cross(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> bool:
     return bool(_side(a, b, c) * _side(a, b, d) < 0 and _side(c, d, a) * _side(c, d, b) < 0)
 
 

@@ -1,4 +1,4 @@
-"""How many threads this process computes with; no result depends on it."""
+"""The number of threads of this process; results do not depend on it."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from itertools import pairwise
 
 import cv2
 
-_MOST = 4  # unless more are asked for: what a frame takes is bound by memory from there on
+_MAX_DEFAULT_THREADS = 4  # with more, the time per frame is limited by memory bandwidth
 
 
-class _Crew:
-    """The threads that help the one which asks, made when they are first needed."""
+class _ThreadPool:
+    """Worker threads that help the calling thread; created when first needed."""
 
     def __init__(self) -> None:
         self.threads = 1
@@ -21,10 +21,10 @@ class _Crew:
         self.resize(0)
 
     def resize(self, count: int) -> None:
-        threads = count or min(available(), _MOST)
+        threads = count or min(available(), _MAX_DEFAULT_THREADS)
         cv2.setNumThreads(threads)
         if threads != self.threads:
-            self.threads, self._helpers = threads, None  # what the old ones have begun they finish
+            self.threads, self._helpers = threads, None  # the old ones finish their work
 
     def share(self, work: Callable[[int, int], None], count: int, least: int) -> None:
         parts = max(1, min(self.threads, count // least))
@@ -38,21 +38,21 @@ class _Crew:
 
 
 def available() -> int:
-    """How many cores this process may use."""
+    """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-_CREW = _Crew()
+_POOL = _ThreadPool()
 
 
 def use_threads(count: int) -> None:
-    """From now on, in all of this process, OpenCV included; 0: one for each core, but at most four."""
-    _CREW.resize(count)
+    """Sets the number of threads of the whole process, including OpenCV; 0: one per core, but at most four."""
+    _POOL.resize(count)
 
 
 def in_parallel(work: Callable[[int, int], None], count: int, least: int) -> None:
-    """Calls `work(first, last)` for even parts of range(count), each at least `least` long, side by side.
+    """Calls `work(first, last)` in parallel for equal parts of range(count), each at least `least` long.
 
-    What `work` calls must let go of the GIL to gain by it, and write to places of its own.
+    To be faster than one call, `work` must release the GIL. The parts must write to separate memory.
     """
-    _CREW.share(work, count, least)
+    _POOL.share(work, count, least)

@@ -1,7 +1,7 @@
-"""The values that flow through the engine; frozen, and valid once constructed.
+"""Value types of the tracker: frozen dataclasses that are validated on construction.
 
-Coordinates: x right, y down, the centre of the top left pixel at (0, 0). `ref_H_cur` maps pixel centres of the
-current frame to pixels of the reference frame, `[x_ref, y_ref, 1] ~ H [x, y, 1]`, normalised to h22 = 1.
+Coordinates: x to the right, y down, with the centre of the top left pixel at (0, 0). `ref_H_cur` maps pixels of the
+current frame to pixels of the reference: `[x_ref, y_ref, 1] ~ H [x, y, 1]`, normalized to h22 = 1.
 """
 
 from __future__ import annotations
@@ -17,17 +17,18 @@ Gray: TypeAlias = NDArray[np.uint8]  # (h, w)
 Image: TypeAlias = NDArray[Any]  # (h, w) or (h, w, channels), uint8 or uint16
 Homography: TypeAlias = NDArray[np.floating[Any]]  # (3, 3) float64, h22 = 1
 FloatArray: TypeAlias = NDArray[np.floating[Any]]
+Float32Array: TypeAlias = NDArray[np.float32]
 BoolArray: TypeAlias = NDArray[np.bool_]
 IdArray: TypeAlias = NDArray[np.int64]
 
-NO_POINTS: FloatArray = np.empty((0, 2))  # the user names none
+NO_POINTS: FloatArray = np.empty((0, 2))  # no points given by the user
 NO_POINTS.flags.writeable = False
 
 CHANNELS = {"mono8": 1, "mono16": 1, "bgr8": 3, "rgb8": 3, "bgra8": 4, "rgba8": 4}
 
 
 class State(Enum):
-    """What became of a frame."""
+    """State of the tracker after a frame."""
 
     TRACKED = "TRACKED"
     LOST = "LOST"
@@ -35,7 +36,17 @@ class State(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One picture of the stream, decoded: `encoding` is one of CHANNELS, `stamp_ns` the header stamp."""
+    """One decoded image of the stream.
+
+    Attributes:
+        image: (h, w) or (h, w, channels), uint8, or uint16 for mono16.
+        encoding: one of CHANNELS, as in sensor_msgs/Image.
+        stamp_ns: header stamp.
+        frame_id: header frame.
+
+    Raises:
+        ValueError: an unknown encoding, or an image of another shape or dtype.
+    """
 
     image: Image
     encoding: str
@@ -58,22 +69,28 @@ class Frame:
 
     @property
     def kind(self) -> str:
-        """Size and encoding, in words."""
+        """Size and encoding as text."""
         return f"{self.size[0]}x{self.size[1]} {self.encoding}"
 
     def is_like(self, other: Frame) -> bool:
-        """Whether the two can be of one stream."""
+        """Whether both frames have the same size and encoding."""
         return (self.size, self.encoding) == (other.size, other.encoding)
 
 
 @dataclass(frozen=True, eq=False)
 class Correspondences:
-    """What every method reports: N features, where they are in the reference and in the current frame.
+    """Correspondences of N features between the reference and the current frame.
 
-    feature_id: (N,) int64, stable over the frames of one reference, within [0, Method.features).
-    reference_px, current_px: (N, 2) float64.
-    information: (N, 2, 2) float64, inverse covariance of the reference-side displacement, 1/px^2.
-    ref_H_cur: where the method put the frame to find them, for a fit to start from; None: it needed no such place.
+    Attributes:
+        feature_id: (N,) int64, rows of `Method.reference_px`; the same feature keeps its id in all frames of one
+            reference.
+        reference_px: (N, 2) float64, positions in the reference.
+        current_px: (N, 2) float64, positions in the current frame.
+        information: (N, 2, 2) float64, inverse covariance of the reference-side displacement, 1/px^2.
+        ref_H_cur: homography at which the method measured them, an initial value for the fit; None if it used none.
+
+    Raises:
+        ValueError: arrays of other shapes.
     """
 
     feature_id: IdArray
@@ -98,13 +115,15 @@ class Correspondences:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A homography fitted to correspondences.
+    """A homography fitted to N correspondences.
 
-    inlier: (N,) bool over the correspondences.
-    covariance: (8, 8) of h00, h01, h02, h10, h11, h12, h20, h21 (h22 = 1 is fixed).
-    rmse_px: root mean square distance of the inliers, reference side.
-    consensus: how many correspondences the consensus of the estimator's RANSAC held, before any were dropped from it
-    (FS of Zhang et al. 2023; the inliers are FP, their share in percent is CMR); None where it has no such stage.
+    Attributes:
+        ref_H_cur: (3, 3) float64.
+        inlier: (N,) bool.
+        covariance: (8, 8) of h00, h01, h02, h10, h11, h12, h20, h21 (h22 = 1 is fixed).
+        rmse_px: root mean square distance of the inliers, reference side.
+        consensus: size of the estimator's RANSAC consensus set before inliers are selected from it (FS of Zhang et al.
+            2023, where the inliers are FP and their share in percent is CMR); None without such a stage.
     """
 
     ref_H_cur: Homography
@@ -116,11 +135,22 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """The answer for one frame. While LOST, `ref_H_cur`, `covariance`, `rmse_px` and `sigma_px` are None.
+    """The result for one frame. While LOST, `ref_H_cur`, `covariance`, `rmse_px` and `sigma_px` are None.
 
-    index: the frame's number in the stream, from 0. reset_counter: how often the reference was replaced.
-    sigma_px: one-sigma uncertainty of `ref_H_cur`, RMS over the 9x9 grid of the frame (`geometry.grid_rms`).
-    provisional: given before enough was seen of a start to tell what is ground.
+    Attributes:
+        state: TRACKED or LOST.
+        index: number of the frame in the stream, from 0.
+        stamp_ns: header stamp of the frame.
+        reference_stamp_ns: header stamp of the reference.
+        reset_counter: how often the reference was replaced.
+        matches: number of correspondences.
+        inliers: number of inliers of the fit.
+        ref_H_cur: (3, 3) float64.
+        covariance: (8, 8), see `Fit`.
+        rmse_px: see `Fit`.
+        sigma_px: standard deviation of points mapped by `ref_H_cur`, RMS over the 9x9 grid of the frame
+            (`geometry.sigma_px`).
+        provisional: whether it was reported before the ground was identified at the start of a reference.
     """
 
     state: State
@@ -143,7 +173,7 @@ class Track:
 
 @dataclass(frozen=True, eq=False)
 class Stabilized:
-    """A frame's track, and the frame in the reference's place (None: lost and `on_lost` is drop)."""
+    """The track of a frame and the stabilized image (None if the frame is lost and `on_lost` is drop)."""
 
     track: Track
     image: Image | None

@@ -1,1 +1,1 @@
-"""Fitting: homographies of every model from correspondences, with their covariance."""
+"""Robust estimation of a homography and its covariance from correspondences."""

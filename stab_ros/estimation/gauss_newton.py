@@ -1,9 +1,9 @@
-"""Compiled inner loop of the estimators: iteratively re-weighted Gauss-Newton over the motions of a model.
+"""Compiled inner loop of the estimators: iteratively reweighted Gauss-Newton on the transformation group of a model.
 
-A model's motions v_k(p) are the first `k` of tx, ty, rotation, scale, stretch, shear and two tilts, in coordinates
-centred on `centre` and divided by `radius`, so that every parameter has the unit px. Each step finds the small motion
-that best explains what is left between H p and its reference point, and composes it with H, which so stays in the
-model's group (Baker and Matthews 2004, section 3.2). All arrays are float64.
+The generators of a model are the first `k` of tx, ty, rotation, scale, stretch, shear and two perspective terms. Their
+coordinates are centred on `centre` and divided by `radius`, so that every parameter has the unit px. Each step solves
+for the increment that best explains the residuals between H p and the reference points, and composes it with H, so that
+H remains in the group (Baker and Matthews 2004, section 3.2). All arrays are float64.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ import numpy as np
 from stab_ros.core.kernels import BOOL, F64, I64, filled, kernel, read
 from stab_ros.core.types import BoolArray, FloatArray, Homography
 
-_RIGID = 3  # motions of the rigid model
-_SINGULAR = 1e-10  # of the pivots of a matrix with a unit diagonal
+_RIGID = 3  # parameters of the rigid model
+_SINGULAR = 1e-10  # smallest pivot of a matrix with a unit diagonal
 
-_ROW, _TABLE, _STACK, _CHOSEN = read(F64, 1), read(F64, 2), read(F64, 3), read(BOOL, 1)
-_FEATURES = (_TABLE, _TABLE, _STACK)  # reference, current, shape or information
-_SCENE = (_ROW, F64)  # centre, radius
+_ROW, _TABLE, _STACK, _MASK = read(F64, 1), read(F64, 2), read(F64, 3), read(BOOL, 1)
+_FEATURES = (_TABLE, _TABLE, _STACK)  # reference, current, metric or information
+_BASIS = (_ROW, F64)  # centre, radius
 
 
 @kernel((_TABLE, *_FEATURES))
-def squared_residuals(H: Homography, reference: FloatArray, current: FloatArray, shape: FloatArray) -> FloatArray:
-    """e^T shape e of every feature, px^2; infinite where H puts it behind the camera."""
+def squared_residuals(H: Homography, reference: FloatArray, current: FloatArray, metric: FloatArray) -> FloatArray:
+    """Squared residuals e^T metric e (N,), px^2; infinite for points behind the camera."""
     out = np.empty(len(current))
     for i in range(len(current)):
         x, y = current[i, 0], current[i, 1]
@@ -35,36 +35,37 @@ def squared_residuals(H: Homography, reference: FloatArray, current: FloatArray,
             continue
         ex = reference[i, 0] - (H[0, 0] * x + H[0, 1] * y + H[0, 2]) / w
         ey = reference[i, 1] - (H[1, 0] * x + H[1, 1] * y + H[1, 2]) / w
-        out[i] = ex * ex * shape[i, 0, 0] + 2 * ex * ey * shape[i, 0, 1] + ey * ey * shape[i, 1, 1]
+        out[i] = ex * ex * metric[i, 0, 0] + 2 * ex * ey * metric[i, 0, 1] + ey * ey * metric[i, 1, 1]
     return out
 
 
 @kernel((_ROW, F64, F64))
-def look_up(table: FloatArray, relative: float, beyond: float) -> float:
-    """The table's value at `relative` in [0, 1); `beyond` from there on."""
-    return table[int(relative * (len(table) - 1))] if relative < 1 else beyond
+def look_up(table: FloatArray, ratio: float, beyond: float) -> float:
+    """The table's value at `ratio` in [0, 1); `beyond` for larger ratios."""
+    return table[int(ratio * (len(table) - 1))] if ratio < 1 else beyond
 
 
 @kernel((_ROW, _ROW, F64))
-def weigh(relative: FloatArray, table: FloatArray, beyond: float) -> FloatArray:
-    """(N,) the table's value at each."""
-    out = np.empty(len(relative))
-    for i in range(len(relative)):
-        out[i] = look_up(table, relative[i], beyond)
+def weights_of(ratio: FloatArray, table: FloatArray, beyond: float) -> FloatArray:
+    """Values (N,) of the table at `ratio` (N,); see `look_up`."""
+    out = np.empty(len(ratio))
+    for i in range(len(ratio)):
+        out[i] = look_up(table, ratio[i], beyond)
     return out
 
 
 @kernel((_STACK, *_FEATURES, _ROW, _ROW, _ROW, F64, I64))
-def least_loss(candidates: FloatArray, reference: FloatArray, current: FloatArray, shape: FloatArray, trust: FloatArray,
-               noise: FloatArray, loss: FloatArray, threshold_px: float, octaves: int) -> tuple[int, float]:
-    """Which of the (M, 3, 3) candidates has the least trust-weighted loss, and that loss.
+def least_loss(candidates: FloatArray, reference: FloatArray, current: FloatArray, metric: FloatArray,
+               trust: FloatArray, noise: FloatArray, loss: FloatArray, threshold_px: float,
+               octaves: int) -> tuple[int, float]:
+    """Index of the (M, 3, 3) candidate with the smallest loss, weighted by `trust`, and that loss; -1 without any.
 
-    The loss is the mean over thresholds of 1, 1/2, 1/4 ...: two planes that move apart by half a threshold look like
-    one to a single threshold; ranked like this, each of them beats what lies in between.
+    The loss is the mean over thresholds of 1, 1/2, 1/4 ... of `threshold_px`. With a single threshold, two planes whose
+    motions differ by half of it are fitted best by their average. With several, either plane has a smaller loss.
     """
     best, least = -1, np.inf
     for m in range(len(candidates)):
-        squared = squared_residuals(candidates[m], reference, current, shape)
+        squared = squared_residuals(candidates[m], reference, current, metric)
         total = 0.0
         for i in range(len(squared)):
             reach = threshold_px**2
@@ -76,23 +77,23 @@ def least_loss(candidates: FloatArray, reference: FloatArray, current: FloatArra
     return best, least / octaves
 
 
-@kernel((_TABLE, *_FEATURES, _CHOSEN))
-def typical_residual(H: Homography, reference: FloatArray, current: FloatArray, shape: FloatArray,
+@kernel((_TABLE, *_FEATURES, _MASK))
+def median_residual(H: Homography, reference: FloatArray, current: FloatArray, metric: FloatArray,
                      chosen: BoolArray) -> float:
-    """Median residual of the chosen features, px; infinite where there are none."""
-    squared = squared_residuals(H, reference, current, shape)[chosen]
+    """Median residual of the features `chosen`, (N,) bool, px; infinite if there are none."""
+    squared = squared_residuals(H, reference, current, metric)[chosen]
     return np.sqrt(np.median(squared)) if len(squared) else np.inf
 
 
-@kernel((_TABLE, *_FEATURES, _CHOSEN))
-def variances_along(H: Homography, reference: FloatArray, current: FloatArray, information: FloatArray,
+@kernel((_TABLE, *_FEATURES, _MASK))
+def variances_along_best_axis(H: Homography, reference: FloatArray, current: FloatArray, information: FloatArray,
                     chosen: BoolArray) -> tuple[float, float]:
-    """Robust variance of the residuals of the chosen features, and the one they claim, px^2.
+    """Robust variance of the residuals of the chosen features, and their predicted variance, px^2.
 
-    Each along its feature's best determined direction, over the more certain half of the features.
+    Both along the axis of smallest uncertainty of each feature, over the more certain half of the features.
     """
     which = np.flatnonzero(chosen)
-    along, claimed = np.empty(len(which)), np.empty(len(which))
+    residual_along, predicted = np.empty(len(which)), np.empty(len(which))
     for k in range(len(which)):
         i = which[k]
         xx, xy, yy = information[i, 0, 0], information[i, 0, 1], information[i, 1, 1]
@@ -100,22 +101,22 @@ def variances_along(H: Homography, reference: FloatArray, current: FloatArray, i
         w = H[2, 0] * current[i, 0] + H[2, 1] * current[i, 1] + H[2, 2]
         ex = reference[i, 0] - (H[0, 0] * current[i, 0] + H[0, 1] * current[i, 1] + H[0, 2]) / w
         ey = reference[i, 1] - (H[1, 0] * current[i, 0] + H[1, 1] * current[i, 1] + H[1, 2]) / w
-        along[k] = abs(ex * np.cos(angle) + ey * np.sin(angle))
-        claimed[k] = 1 / ((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))
-    certain = claimed <= np.median(claimed)
-    return (1.4826 * np.median(along[certain])) ** 2, np.median(claimed[certain])
+        residual_along[k] = abs(ex * np.cos(angle) + ey * np.sin(angle))
+        predicted[k] = 1 / ((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))
+    certain = predicted <= np.median(predicted)
+    return (1.4826 * np.median(residual_along[certain])) ** 2, np.median(predicted[certain])
 
 
-@kernel((_TABLE, *_FEATURES, _ROW, *_SCENE, I64, filled(F64, 2)))
+@kernel((_TABLE, *_FEATURES, _ROW, *_BASIS, I64, filled(F64, 2)))
 def accumulate(H: Homography, reference: FloatArray, current: FloatArray, information: FloatArray, weight: FloatArray,
                centre: FloatArray, radius: float, k: int,
                scores: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Sums over the features of w J^T Omega J (k, k) and of w J^T Omega e (k,), and the variance of the latter.
+    """Normal equations: sums of w J^T Omega J (k, k) and w J^T Omega e (k,), and the predicted variance of the latter.
 
-    That variance, (k, k), is what the information claims: the sum of w^2 J^T Omega J. The terms of the second sum go
-    into `scores`, (N, k), unless that has no rows.
+    The predicted variance (k, k) is the sum of w^2 J^T Omega J. The terms of the second sum are written into `scores`,
+    (N, k), unless it has no rows.
     """
-    normal, right, claimed = np.zeros((k, k)), np.zeros(k), np.zeros((k, k))
+    normal, right, predicted = np.zeros((k, k)), np.zeros(k), np.zeros((k, k))
     along_x, along_y, weighted_x, weighted_y, score = np.empty(8), np.empty(8), np.empty(8), np.empty(8), np.empty(8)
     for i in range(len(current)):
         if weight[i] <= 0:
@@ -139,18 +140,18 @@ def accumulate(H: Homography, reference: FloatArray, current: FloatArray, inform
             for b in range(a + 1):
                 both = weighted_x[a] * along_x[b] + weighted_y[a] * along_y[b]
                 normal[a, b] += both
-                claimed[a, b] += weight[i] * both
+                predicted[a, b] += weight[i] * both
             if len(scores):
                 scores[i, a] = score[a]
     for a in range(k):
         for b in range(a):
-            normal[b, a], claimed[b, a] = normal[a, b], claimed[a, b]
-    return normal, right, claimed
+            normal[b, a], predicted[b, a] = normal[a, b], predicted[a, b]
+    return normal, right, predicted
 
 
 @kernel((_TABLE, _ROW))
 def solve(normal: FloatArray, right: FloatArray) -> tuple[bool, FloatArray]:
-    """Cholesky on the matrix scaled to a unit diagonal; False where it is singular."""
+    """Solution (k,) by Cholesky decomposition after scaling to a unit diagonal; False where it is singular."""
     k = len(right)
     lower, x = np.zeros((k, k)), np.zeros(k)
     for a in range(k):
@@ -182,7 +183,7 @@ def solve(normal: FloatArray, right: FloatArray) -> tuple[bool, FloatArray]:
 
 @kernel((_TABLE, _TABLE))
 def product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Of two 3x3 matrices; numba's own would need scipy."""
+    """Product of two 3x3 matrices; numba's own needs scipy."""
     out = np.zeros((3, 3))
     for i in range(3):
         for j in range(3):
@@ -190,11 +191,11 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
     return out
 
 
-@kernel((_ROW, _TABLE, *_SCENE))
+@kernel((_ROW, _TABLE, *_BASIS))
 def compose(delta: FloatArray, H: Homography, centre: FloatArray, radius: float) -> Any:
-    """H followed by the small motion `delta` (k,), px; normalised to h22 = 1.
+    """H followed by the increment `delta` (k,), px; normalized to h22 = 1.
 
-    The rotation of a rigid motion (k = 3) is exact: to first order it would stretch, and leave the group.
+    The rotation of a rigid increment (k = 3) is exact, because its first-order form includes a scale.
     """
     d = np.zeros(8)
     for a in range(len(delta)):
@@ -209,15 +210,15 @@ def compose(delta: FloatArray, H: Homography, centre: FloatArray, radius: float)
     return moved / moved[2, 2]
 
 
-@kernel((_TABLE, *_FEATURES, _STACK, _ROW, _ROW, _ROW, F64, F64, *_SCENE, I64, I64, F64))
-def polish(H: Homography, reference: FloatArray, current: FloatArray, information: FloatArray, shape: FloatArray,
+@kernel((_TABLE, *_FEATURES, _STACK, _ROW, _ROW, _ROW, F64, F64, *_BASIS, I64, I64, F64))
+def polish(H: Homography, reference: FloatArray, current: FloatArray, information: FloatArray, metric: FloatArray,
            trust: FloatArray, noise: FloatArray, table: FloatArray, beyond: float, threshold_px: float,
            centre: FloatArray, radius: float, k: int, steps: int, converged_px: float) -> tuple[bool, Homography]:
-    """At most `steps` steps from H, re-weighted by `table`; False where they lead nowhere."""
+    """At most `steps` Gauss-Newton steps from H with weights from `table`; False where a step fails."""
     no_scores = np.empty((0, k))
     for _ in range(steps):
-        relative = squared_residuals(H, reference, current, shape) / (threshold_px**2 + noise)
-        weight = weigh(relative, table, beyond) * trust
+        ratio = squared_residuals(H, reference, current, metric) / (threshold_px**2 + noise)
+        weight = weights_of(ratio, table, beyond) * trust
         normal, right, _claimed = accumulate(H, reference, current, information, weight, centre, radius, k, no_scores)
         found, delta = solve(normal, right)
         if not found:

@@ -1,4 +1,4 @@
-"""Transformation models: translation, rigid, similarity, affine, projective, each a larger group than the last."""
+"""Transformation models: translation, rigid, similarity, affine, projective; each group contains the previous one."""
 
 from __future__ import annotations
 
@@ -16,13 +16,19 @@ _COINCIDENT_PX = 1e-6
 
 
 def minimal_points(model: str) -> int:
-    """How many correspondences determine the model, two equations each."""
+    """Size of a minimal sample: the number of correspondences that determine the model, two equations each."""
     return -(-PARAMETERS[model] // 2)
 
 
 @dataclass(frozen=True, eq=False)
 class Basis:
-    """The coordinates in which a model's small motions are well conditioned (Hartley 1997): about `centre`, px."""
+    """Normalized coordinates in which the increments of a model are well conditioned (Hartley 1997).
+
+    Attributes:
+        model: one of MODELS.
+        centre: (2,), px.
+        radius: RMS distance of the points from the centre, px; at least 1.
+    """
 
     model: str
     centre: FloatArray
@@ -30,24 +36,31 @@ class Basis:
 
     @staticmethod
     def around(model: str, points: FloatArray) -> Basis:
-        """The basis for `points` (N, 2)."""
+        """The basis for `points` (N, 2), px."""
         centre = points.mean(axis=0)
         radius = float(np.sqrt(np.mean(np.sum((points - centre) ** 2, axis=1))))
         return Basis(model, centre, max(radius, 1.0))
 
     def entry_jacobian(self, H: Homography) -> FloatArray:
-        """Derivative of h00, h01, h02, h10, h11, h12, h20, h21 by the motions composed with H: (8, parameters)."""
-        tiny = 1e-4  # px; composing is all but linear, so the central difference is exact to 1e-10
+        """Derivative (8, parameters) of h00, h01, h02, h10, h11, h12, h20, h21 by an increment composed with H."""
+        tiny = 1e-4  # px; composition is nearly linear, so the central difference is exact to 1e-10
         steps = np.eye(PARAMETERS[self.model]) * tiny
         moved = [[compose(sign * step, H, self.centre, self.radius).ravel()[:8] for sign in (1, -1)] for step in steps]
         return np.stack([(ahead - back) / (2 * tiny) for ahead, back in moved], axis=1)
 
 
 def design_rows(model: str, current_px: FloatArray, reference_px: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The linear equations a x = b of a model's entries (DLT, Hartley and Zisserman 2004, eq. 4.1 with h22 = 1).
+    """Linear equations a x = b for the entries of a model (DLT, Hartley and Zisserman 2004, eq. 4.1 with h22 = 1).
 
-    Not for the rigid model, whose entries are not free: see `rigid_homographies`.
-    current_px, reference_px: (..., N, 2). Returns a (..., 2 N, parameters) and b (..., 2 N); `entries` reads x.
+    Not for the rigid model, whose entries are not independent; see `rigid_homographies`.
+
+    Args:
+        model: one of MODELS except rigid.
+        current_px: (..., N, 2).
+        reference_px: (..., N, 2).
+
+    Returns:
+        a (..., 2 N, parameters) and b (..., 2 N); `homographies` converts the solutions x.
     """
     x, y = current_px[..., 0], current_px[..., 1]
     u, v = reference_px[..., 0], reference_px[..., 1]
@@ -70,7 +83,7 @@ def design_rows(model: str, current_px: FloatArray, reference_px: FloatArray) ->
 
 
 def homographies(model: str, x: FloatArray) -> Homography:
-    """The (..., 3, 3) homographies of the solutions x (..., parameters) of `design_rows`."""
+    """Homographies (..., 3, 3) of the solutions x (..., parameters) of `design_rows`."""
     H = np.zeros((*x.shape[:-1], 3, 3))
     H[..., 2, 2] = 1.0
     if model == "translation":
@@ -88,9 +101,9 @@ def homographies(model: str, x: FloatArray) -> Homography:
 
 
 def rigid_homographies(current_px: FloatArray, reference_px: FloatArray) -> Homography:
-    """Rotation and shift that bring current_px (..., N, 2) nearest to reference_px: (..., 3, 3).
+    """Least-squares rotation and translation (..., 3, 3) from current_px (..., N, 2) to reference_px (..., N, 2).
 
-    Closed form of the least squares in two dimensions (Umeyama 1991, eq. 40 to 42 with c = 1).
+    Closed form in two dimensions (Umeyama 1991, eq. 40 to 42 with c = 1).
     """
     mean_current, mean_reference = current_px.mean(axis=-2), reference_px.mean(axis=-2)
     p, q = current_px - mean_current[..., None, :], reference_px - mean_reference[..., None, :]
@@ -105,9 +118,9 @@ def rigid_homographies(current_px: FloatArray, reference_px: FloatArray) -> Homo
 
 
 def minimal_homographies(model: str, current_px: FloatArray, reference_px: FloatArray) -> Homography:
-    """The homographies through M minimal samples, (M, n, 2) each: (M', 3, 3), degenerate samples left out.
+    """Homographies (M', 3, 3) of M minimal samples, current_px and reference_px (M, n, 2), without degenerate ones.
 
-    Two points over-determine a rigid motion: theirs is the one that fits them best.
+    Two points over-determine a rigid motion, so that is a least-squares fit.
     """
     if model == "rigid":
         apart = np.ptp(current_px, axis=1).max(axis=1, initial=0)
@@ -122,7 +135,7 @@ def minimal_homographies(model: str, current_px: FloatArray, reference_px: Float
 
 
 def nearest(model: str, H: Homography, points: FloatArray) -> Homography:
-    """The transformation of `model` that moves `points` (N, 2) most nearly as H does; H itself if it is projective."""
+    """Least-squares projection of H onto `model` over `points` (N, 2), px; H itself for the projective model."""
     if model == "projective":
         return H
     if model == "rigid":

@@ -1,8 +1,7 @@
-"""What every estimator works on: correspondences with what is needed of them, and how a residual counts.
+"""The estimation problem: correspondences with their weights and noise, and the loss functions of the estimators.
 
-A residual counts in px along the directions in which its feature is well determined:
-r^2 = e^T (Omega / lambda_max(Omega)) e, e the reference-side error, Omega the feature's information; so a patch on an
-edge says nothing about motion along the edge.
+Residuals are Mahalanobis distances scaled to px: r^2 = e^T (Omega / lambda_max(Omega)) e, where e is the reference-side
+error and Omega the feature's information matrix. A patch on an edge therefore does not constrain motion along the edge.
 """
 
 from __future__ import annotations
@@ -18,23 +17,29 @@ from stab_ros.estimation import gauss_newton as gn
 from stab_ros.estimation.models import PARAMETERS, Basis
 
 RANSAC_THRESHOLD_PX = 3.0
-TRUSTED = 0.5  # samples are drawn among features trusted more
-_POLISH = 10
+TRUSTED = 0.5  # minimal samples are drawn from features with a larger prior weight
+_MAX_STEPS = 10
 _CONVERGED_PX = 1e-3
 _OCTAVES = 4
-_SIGMAS = 3.0  # of a feature's own noise that are no disagreement
+_NOISE_SIGMAS = 3.0  # standard deviations of a feature's noise that are added to the inlier threshold
 _CHI2_4_99 = 13.277  # 99 % quantile of chi-square with 4 degrees of freedom
-_TABLE = 4096  # steps of r^2 / threshold^2
+_TABLE_SIZE = 4096  # samples of r^2 / threshold^2
 
 
 @dataclass(frozen=True, eq=False)
-class Kernel:
-    """How a residual counts: `weight` and `loss` over r^2 / limit^2 in [0, 1]; from there on, `beyond` and 1.
+class LossFunction:
+    """A loss function of the squared ratio r^2 / limit^2, tabulated over [0, 1].
 
-    * RANSAC (Fischler and Bolles 1981): 1 within the threshold, 0 beyond.
-    * MAGSAC++ (Barath et al. 2020, eq. 4 to 8): the likelihood marginalised over the noise scale up to its maximum,
+    * RANSAC (Fischler and Bolles 1981): weight 1 within the threshold, 0 outside.
+    * MAGSAC++ (Barath et al. 2020, eq. 4 to 8): the likelihood marginalized over the noise scale up to its maximum,
       w(r) = Gamma((n-1)/2, r^2 / (2 s^2)) - Gamma((n-1)/2, k^2 / 2) with n = 4 coordinates of a correspondence and k^2
       the 99 % quantile of chi-square; the threshold is k s.
+
+    Attributes:
+        weight: (4096,) IRLS weight.
+        loss: (4096,) loss, 0 to 1; it is 1 for larger ratios.
+        beyond: weight for larger ratios.
+        robust: whether it needs a search with minimal samples.
     """
 
     weight: FloatArray
@@ -43,36 +48,41 @@ class Kernel:
     robust: bool
 
     @staticmethod
-    def least_squares() -> Kernel:
-        return Kernel(np.ones(_TABLE), np.linspace(0, 1, _TABLE), beyond=1.0, robust=False)
+    def least_squares() -> LossFunction:
+        return LossFunction(np.ones(_TABLE_SIZE), np.linspace(0, 1, _TABLE_SIZE), beyond=1.0, robust=False)
 
     @staticmethod
-    def ransac() -> Kernel:
-        return Kernel(np.ones(_TABLE), np.zeros(_TABLE), beyond=0.0, robust=True)
+    def ransac() -> LossFunction:
+        return LossFunction(np.ones(_TABLE_SIZE), np.zeros(_TABLE_SIZE), beyond=0.0, robust=True)
 
     @staticmethod
-    def magsac() -> Kernel:
-        x = np.linspace(0, 1, _TABLE) * _CHI2_4_99 / 2
+    def magsac() -> LossFunction:
+        x = np.linspace(0, 1, _TABLE_SIZE) * _CHI2_4_99 / 2
         upper = np.array([math.erfc(math.sqrt(t)) + 2 * math.sqrt(t / math.pi) * math.exp(-t) for t in x])
         weight = (upper - upper[-1]) / (upper[0] - upper[-1])
         loss = np.concatenate([[0.0], np.cumsum((weight[1:] + weight[:-1]) / 2)])
-        return Kernel(weight, loss / loss[-1], beyond=0.0, robust=True)
+        return LossFunction(weight, loss / loss[-1], beyond=0.0, robust=True)
 
 
-LEAST_SQUARES, RANSAC, MAGSAC = Kernel.least_squares(), Kernel.ransac(), Kernel.magsac()
+LEAST_SQUARES, RANSAC, MAGSAC = LossFunction.least_squares(), LossFunction.ransac(), LossFunction.magsac()
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
-    """Correspondences with what the estimators need of them, computed once.
+class EstimationProblem:
+    """Correspondences with the quantities that all estimators need.
 
-    shape: (N, 2, 2) information over its largest eigenvalue. trust: (N,) in [0, 1], prior weight of each feature.
-    noise: (N,) px^2, what a feature's own uncertainty adds to the square of any threshold.
-    ransac_threshold_px: of the consensus that ED-RANSAC filters.
+    Attributes:
+        pairs: N correspondences.
+        metric: (N, 2, 2) information matrices divided by their largest eigenvalues.
+        trust: (N,) prior weights in [0, 1].
+        noise: (N,) increase of the squared inlier threshold by each feature's uncertainty, px^2.
+        basis: normalized coordinates of the model.
+        threshold_px: inlier threshold.
+        ransac_threshold_px: inlier threshold of the consensus set that ED-RANSAC filters.
     """
 
     pairs: Correspondences
-    shape: FloatArray
+    metric: FloatArray
     trust: FloatArray
     noise: FloatArray
     basis: Basis
@@ -81,88 +91,95 @@ class Problem:
 
     @staticmethod
     def of(pairs: Correspondences, trust: FloatArray, model: str, threshold_px: float,
-           ransac_threshold_px: float = RANSAC_THRESHOLD_PX) -> Problem:
+           ransac_threshold_px: float = RANSAC_THRESHOLD_PX) -> EstimationProblem:
         strength = strongest(pairs.information)
-        shape, noise = pairs.information / strength[:, None, None], own_noise(strength)
+        metric, noise = pairs.information / strength[:, None, None], own_noise(strength)
         basis = Basis.around(model, pairs.reference_px)
-        return Problem(pairs, shape, trust, noise, basis, threshold_px, ransac_threshold_px)
+        return EstimationProblem(pairs, metric, trust, noise, basis, threshold_px, ransac_threshold_px)
 
-    def only(self, chosen: BoolArray) -> Problem:
-        """The same features, of which none but the chosen are trusted."""
+    def restricted_to(self, chosen: BoolArray) -> EstimationProblem:
+        """The same problem with prior weights of 0 for all but the chosen features, (N,) bool."""
         return dataclasses.replace(self, trust=np.where(chosen, self.trust, 0.0))
 
-    def euclidean(self) -> Problem:
-        """The same features with plain distances for residuals, and without an allowance for their own noise."""
+    def euclidean(self) -> EstimationProblem:
+        """The same problem with Euclidean residuals and the same inlier threshold for all features."""
         n = len(self.pairs)
-        return dataclasses.replace(self, shape=np.tile(np.eye(2), (n, 1, 1)), noise=np.zeros(n))
+        return dataclasses.replace(self, metric=np.tile(np.eye(2), (n, 1, 1)), noise=np.zeros(n))
 
-    def softened(self, sigma_px: float) -> Problem:
-        """The same features with an independent error of `sigma_px` more each: (Omega^-1 + sigma^2 I)^-1."""
+    def noise_inflated(self, sigma_px: float) -> EstimationProblem:
+        """The same problem with an isotropic error added to each feature: information (Omega^-1 + sigma^2 I)^-1."""
         information, variance = self.pairs.information, sigma_px**2
         trace = information[:, 0, 0] + information[:, 1, 1]
         det = information[:, 0, 0] * information[:, 1, 1] - information[:, 0, 1] ** 2
-        softer = information + (variance * det)[:, None, None] * np.eye(2)  # 2x2: adj(A + B) = adj(A) + adj(B)
-        softer /= (1 + variance * trace + variance**2 * det)[:, None, None]
-        return dataclasses.replace(self, pairs=dataclasses.replace(self.pairs, information=softer))
+        inflated = information + (variance * det)[:, None, None] * np.eye(2)  # 2x2: adj(A + B) = adj(A) + adj(B)
+        inflated /= (1 + variance * trace + variance**2 * det)[:, None, None]
+        return dataclasses.replace(self, pairs=dataclasses.replace(self.pairs, information=inflated))
 
-    def relative(self, H: Homography, threshold_px: float) -> FloatArray:
-        """Squared residuals over the squared limits, (N,): an inlier is below 1."""
+    def squared_ratios(self, H: Homography, threshold_px: float) -> FloatArray:
+        """Squared residuals divided by the squared inlier thresholds, (N,); inliers are below 1."""
         pairs = self.pairs
-        squared = gn.squared_residuals(H, pairs.reference_px, pairs.current_px, self.shape)
+        squared = gn.squared_residuals(H, pairs.reference_px, pairs.current_px, self.metric)
         return np.asarray(squared / (threshold_px**2 + self.noise))
 
-    def relief_px(self, H: Homography, reach_px: float | None = None) -> float:
-        """How far trusted features scatter beyond their own noise: relief of the ground, compression, leaves.
+    def excess_scatter_px(self, H: Homography, limit_px: float | None = None) -> float:
+        """Standard deviation of the residuals in excess of the features' noise, px: relief, compression, vegetation.
 
-        A robust moment estimate of the between-feature spread in a random-effects model (DerSimonian and Laird 1986),
-        from the more certain half of the features within `reach_px` (the threshold), each along its best direction.
+        A robust moment estimate of the between-feature variance in a random-effects model (DerSimonian and Laird 1986).
+        It uses the more certain half of the trusted features within `limit_px` (default: the threshold), each along its
+        axis of smallest uncertainty.
         """
-        chosen = (self.relative(H, self.threshold_px if reach_px is None else reach_px) < 1) & (self.trust > TRUSTED)
+        ratios = self.squared_ratios(H, self.threshold_px if limit_px is None else limit_px)
+        chosen = (ratios < 1) & (self.trust > TRUSTED)
         if not chosen.any():
             return 0.0
         pairs = self.pairs
-        variance, claimed = gn.variances_along(H, pairs.reference_px, pairs.current_px, pairs.information, chosen)
-        return math.sqrt(max(0.0, variance - claimed))
+        variance, predicted = gn.variances_along_best_axis(H, pairs.reference_px, pairs.current_px, pairs.information,
+                                                           chosen)
+        return math.sqrt(max(0.0, variance - predicted))
 
-    def typical_px(self, H: Homography) -> float:
-        """Median residual of the trusted features, px; infinite where there are none."""
+    def median_residual_px(self, H: Homography) -> float:
+        """Median residual of the trusted features, px; infinite if there are none."""
         pairs = self.pairs
-        return float(gn.typical_residual(H, pairs.reference_px, pairs.current_px, self.shape, self.trust > TRUSTED))
+        return float(gn.median_residual(H, pairs.reference_px, pairs.current_px, self.metric, self.trust > TRUSTED))
 
-    def agreeing(self, H: Homography) -> float:
-        """Share of the trust that lies close to H: within a quarter of the threshold, and its own noise."""
-        close = self.relative(H, self.threshold_px / 4) < 1
-        return float(np.sum(self.trust[close])) / max(float(np.sum(self.trust)), 1e-9)
+    def support(self, H: Homography) -> float:
+        """Share of the total prior weight of features that agree with H within a quarter of the threshold."""
+        supporting = self.squared_ratios(H, self.threshold_px / 4) < 1
+        return float(np.sum(self.trust[supporting])) / max(float(np.sum(self.trust)), 1e-9)
 
-    def reach_px(self, kernel: Kernel, H: Homography) -> float:
-        """How far from H a feature without noise still counts: four times the relief, at most the threshold."""
-        if not kernel.robust:
+    def inlier_threshold_px(self, loss_function: LossFunction, H: Homography) -> float:
+        """Adaptive inlier threshold: four times the excess scatter, within [threshold / 8, threshold]."""
+        if not loss_function.robust:
             return self.threshold_px
-        return min(max(4 * self.relief_px(H), self.threshold_px * 0.5 ** (_OCTAVES - 1)), self.threshold_px)
+        return min(max(4 * self.excess_scatter_px(H), self.threshold_px * 0.5 ** (_OCTAVES - 1)), self.threshold_px)
 
-    def least_loss(self, kernel: Kernel, candidates: FloatArray, threshold_px: float | None = None,
+    def least_loss(self, loss_function: LossFunction, candidates: FloatArray, threshold_px: float | None = None,
                    octaves: int = _OCTAVES) -> tuple[int, float]:
-        """The best of (M, 3, 3) candidates (-1: there are none) and its loss."""
-        pairs, reach_px = self.pairs, self.threshold_px if threshold_px is None else threshold_px
-        best, loss = gn.least_loss(candidates, pairs.reference_px, pairs.current_px, self.shape, self.trust, self.noise,
-                                   kernel.loss, reach_px, octaves)
+        """Index of the candidate (M, 3, 3) with the smallest loss (-1 if there are none), and that loss."""
+        pairs, limit_px = self.pairs, self.threshold_px if threshold_px is None else threshold_px
+        best, loss = gn.least_loss(candidates, pairs.reference_px, pairs.current_px, self.metric, self.trust,
+                                   self.noise, loss_function.loss, limit_px, octaves)
         return int(best), float(loss)
 
-    def polish(self, kernel: Kernel, H: Homography, threshold_px: float, steps: int = _POLISH) -> Homography | None:
-        """Iteratively re-weighted Gauss-Newton from H; None where the features that count determine nothing."""
+    def polish(self, loss_function: LossFunction, H: Homography, threshold_px: float,
+               steps: int = _MAX_STEPS) -> Homography | None:
+        """Iteratively reweighted Gauss-Newton from H; None where the weighted features determine no homography."""
         pairs, basis = self.pairs, self.basis
-        found, polished = gn.polish(H, pairs.reference_px, pairs.current_px, pairs.information, self.shape, self.trust,
-                                    self.noise, kernel.weight, kernel.beyond, threshold_px, basis.centre,
+        found, polished = gn.polish(H, pairs.reference_px, pairs.current_px, pairs.information, self.metric, self.trust,
+                                    self.noise, loss_function.weight, loss_function.beyond, threshold_px, basis.centre,
                                     basis.radius, PARAMETERS[basis.model], steps, _CONVERGED_PX)
         return polished if found else None
 
 
 def own_noise(strength: FloatArray) -> FloatArray:
-    """(N,) px^2: what a feature's own uncertainty adds to the square of any threshold, by `strongest` of it."""
-    return np.asarray(_SIGMAS**2 / strength)
+    """Increase (N,) of the squared inlier threshold by each feature's uncertainty, px^2: (3 sigma)^2.
+
+    strength: (N,) `strongest` eigenvalue of each information matrix, 1/px^2.
+    """
+    return np.asarray(_NOISE_SIGMAS**2 / strength)
 
 
 def strongest(information: FloatArray) -> FloatArray:
-    """The larger eigenvalue of each of (N, 2, 2): (N,)."""
+    """Larger eigenvalue (N,) of each symmetric matrix (N, 2, 2)."""
     xx, xy, yy = information[:, 0, 0], information[:, 0, 1], information[:, 1, 1]
     return np.asarray((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))

@@ -1,1 +1,1 @@
-"""The camera and the picture: lens models, warping, and what part of the reference is shown."""
+"""Camera and image geometry: lens models, warping, and the output window."""

@@ -1,4 +1,4 @@
-"""The camera as sensor_msgs/CameraInfo describes it, and the removal of its lens distortion."""
+"""The camera model of sensor_msgs/CameraInfo, and the removal of lens distortion."""
 
 from __future__ import annotations
 
@@ -11,16 +11,22 @@ import numpy as np
 from stab_ros.core.downscale import Downscaling
 from stab_ros.core.errors import InputError
 from stab_ros.core.types import BoolArray, FloatArray, Homography, Image
-from stab_ros.imaging.lens import Lens, Maps, lens_maps, make_lens
+from stab_ros.imaging.lens import Lens, RemapTables, lens_maps, make_lens
 
-# how many distortion coefficients a model may have (sensor_msgs/distortion_models.hpp)
+# valid numbers of distortion coefficients of each model (sensor_msgs/distortion_models.hpp)
 COEFFICIENTS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8, 12, 14), "equidistant": (4,)}
-_MARGIN_PX = 16  # that features keep from what the picture does not show, beyond their own reach
+_MARGIN_PX = 16  # margin of features to pixels without image content, beyond their own size
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """K: (3, 3) float64 intrinsics, px. D: (n,) float64 distortion of `model`. size: width, height, px.
+    """A calibrated camera.
+
+    Attributes:
+        K: (3, 3) float64 intrinsic matrix, px.
+        D: (n,) float64 distortion coefficients of `model`; n = 0 for none.
+        model: distortion model of sensor_msgs.
+        size: width and height, px.
 
     Raises:
         InputError: K or D is not finite, a focal length is not positive, the model is unknown or D does not fit it.
@@ -47,25 +53,34 @@ class Camera:
 
     @property
     def distorts(self) -> bool:
-        """Whether a perfect lens would show another picture; a fisheye without coefficients would, too."""
+        """Whether the lens distorts the image; an equidistant (fisheye) lens does even if its coefficients are 0."""
         return self.fisheye or bool(np.any(self.D))
 
     def undistort(self, image: Image) -> Image:
-        """The picture as the same camera would see it through a perfect lens (same K, same size)."""
+        """The image without lens distortion, with the same K and size; (h, w) or (h, w, channels), linear."""
         return _resampled(image, self._undistorting, cv2.INTER_LINEAR) if self.distorts else image
 
     def rectify(self, image: Image, ref_H_cur: Homography, size: tuple[int, int], interpolation: int) -> Image:
-        """Distortion removed and `ref_H_cur` applied in one interpolation, as image_proc does with our camera_info."""
+        """The image without lens distortion and warped by `ref_H_cur`, with a single interpolation.
+
+        Equivalent to image_proc with the published camera_info.
+
+        Args:
+            image: (h, w) or (h, w, channels), as taken.
+            ref_H_cur: homography of undistorted pixels.
+            size: width and height of the result, px.
+            interpolation: flag of cv2.remap.
+        """
         return _resampled(image, self._maps(ref_H_cur, size), interpolation)
 
-    def shrunk(self, shrinking: Downscaling) -> Camera:
-        """The camera that would take the small picture."""
-        width, height = (n >> shrinking.level for n in self.size)
-        return Camera(shrinking.scale @ self.K, self.D, self.model, (width, height))
+    def downscaled(self, downscaling: Downscaling) -> Camera:
+        """The camera of the reduced image."""
+        width, height = (n >> downscaling.level for n in self.size)
+        return Camera(downscaling.scale @ self.K, self.D, self.model, (width, height))
 
     @cached_property
     def visible(self) -> BoolArray:
-        """(h, w) bool: where the undistorted picture shows something, well away from where it ends."""
+        """(h, w) bool: pixels of the undistorted image with content, with a margin of 16 px to those without."""
         shown = self.undistort(np.full((self.size[1], self.size[0]), 255, np.uint8)) == 255
         if shown.all():
             return np.asarray(shown)
@@ -73,15 +88,18 @@ class Camera:
         return np.asarray(cv2.erode(shown.astype(np.uint8), kernel, borderValue=1) > 0)
 
     @cached_property
-    def _undistorting(self) -> Maps:
+    def _undistorting(self) -> RemapTables:
         return self._maps(np.eye(3), self.size)
 
     @cached_property
     def _lens(self) -> Lens:
         return make_lens(self.K, self.D, self.fisheye, self.size)
 
-    def _maps(self, ref_H_cur: Homography, size: tuple[int, int]) -> Maps:
-        """Where in the picture as taken each pixel of the result lies; OpenCV's are quicker, but know no limit."""
+    def _maps(self, ref_H_cur: Homography, size: tuple[int, int]) -> RemapTables:
+        """Positions in the distorted image of the pixels of the result.
+
+        OpenCV's maps are faster, but do not check the range in which the lens model is valid.
+        """
         ray_M_pixel = np.linalg.inv(ref_H_cur @ self.K)
         if self.fisheye or not self._lens.holds(ray_M_pixel, size):
             return lens_maps(self._lens, ray_M_pixel, size)
@@ -90,5 +108,5 @@ class Camera:
         return np.asarray(x), np.asarray(y)
 
 
-def _resampled(image: Image, maps: Maps, interpolation: int) -> Image:
+def _resampled(image: Image, maps: RemapTables, interpolation: int) -> Image:
     return np.asarray(cv2.remap(image, maps[0], maps[1], interpolation, borderMode=cv2.BORDER_CONSTANT))

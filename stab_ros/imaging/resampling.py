@@ -1,8 +1,8 @@
-"""Bilinear resampling of a picture by a homography that is near the identity, as a camera that hovers makes them.
+"""Bilinear resampling by a homography near the identity, as for a hovering camera.
 
-There the pixels of a row come from one row too, side by side, over long runs: blocks of a row are interpolated with
-contiguous loads and fractions that grow evenly, which compilers turn into SIMD, where OpenCV gathers the four
-neighbours of every pixel anew. Places are exact at both ends of a block, and a parabola in between.
+For such a homography, long runs of a row of the result are read from a single row of the source. Blocks of a row are
+interpolated with contiguous loads and linearly increasing fractions, which compilers vectorize. OpenCV instead gathers
+four neighbours for every pixel. Source positions are exact at both ends of a block and quadratic in between.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from stab_ros.core.kernels import F32, F64, I64, U8, U16, filled, inlined, kerne
 from stab_ros.core.threads import in_parallel
 from stab_ros.core.types import FloatArray, Homography, Image
 
-_LONG, _SHORT = 64, 16  # px of a block; where the longer one will not do, the shorter may
-_STEEPEST = 0.65 / _SHORT  # by how much a row, or a column, may drift off per px: beyond, OpenCV is quicker
-_BENT = 0.01  # by how much the depth may change along a block, relatively: places are off by its square, 0.002 px
-_LEAST_ROWS = 64  # that a thread is worth
+_LONG, _SHORT = 64, 16  # block lengths, px; short ones where long ones are not applicable
+_MAX_SLOPE = 0.65 / _SHORT  # largest deviation of the Jacobian from the identity; above, OpenCV is faster
+_MAX_DEPTH_CHANGE = 0.01  # relative, along a block; position errors grow with its square, to 0.002 px
+_MIN_ROWS_PER_THREAD = 64
 
 
 def is_gentle(ref_H_cur: Homography, size: tuple[int, int]) -> bool:
-    """Whether `resample` is the quicker way, and exact, for a result of `size` (width, height)."""
+    """Whether `resample` is exact, and faster than OpenCV, for a result of `size` (width, height)."""
     cur_M_ref = np.linalg.inv(ref_H_cur)
     x, y = np.meshgrid([0.0, size[0] - 1.0], [0.0, size[1] - 1.0])
     places = cur_M_ref @ np.stack([x.ravel(), y.ravel(), np.ones(4)])
@@ -30,83 +30,86 @@ def is_gentle(ref_H_cur: Homography, size: tuple[int, int]) -> bool:
     if not (np.isfinite(places).all() and depth.min() > 0):
         return False
     along = (cur_M_ref[:2, 0, None] - places[:2] / depth * cur_M_ref[2, 0]) / depth
-    bent = _LONG * abs(cur_M_ref[2, 0]) / depth.min()
-    return bool(np.abs(along - [[1.0], [0.0]]).max() < _STEEPEST and bent < _BENT)
+    depth_change = _LONG * abs(cur_M_ref[2, 0]) / depth.min()
+    return bool(np.abs(along - [[1.0], [0.0]]).max() < _MAX_SLOPE and depth_change < _MAX_DEPTH_CHANGE)
 
 
 def resample(image: Image, ref_H_cur: Homography, out: Image) -> None:
-    """Fills `out`, (h, w) or (h, w, channels), with `image` as seen from the reference; 0 beyond its border.
+    """Fills `out` with `image` warped by `ref_H_cur`, bilinearly; 0 outside the image. `is_gentle` must hold.
 
-    Both C-contiguous and of one dtype, uint8 or uint16; `is_gentle` must hold.
+    Args:
+        image: (h, w) or (h, w, channels), uint8 or uint16, C-contiguous.
+        ref_H_cur: (3, 3).
+        out: the same number of channels and dtype, C-contiguous.
     """
     channels = 1 if image.ndim == 2 else image.shape[2]
-    pixels, made = image.reshape(len(image), -1), out.reshape(len(out), -1)
-    place_of = np.repeat(np.arange(_LONG, dtype=np.float32), channels)
+    pixels, result = image.reshape(len(image), -1), out.reshape(len(out), -1)
+    pixel_of = np.repeat(np.arange(_LONG, dtype=np.float32), channels)
     cur_M_ref = np.linalg.inv(ref_H_cur)
 
     def rows(first: int, last: int) -> None:
-        _resample(pixels, cur_M_ref, made, place_of, channels, first, last)
+        _resample(pixels, cur_M_ref, result, pixel_of, channels, first, last)
 
-    in_parallel(rows, len(out), _LEAST_ROWS)
+    in_parallel(rows, len(out), _MIN_ROWS_PER_THREAD)
 
 
-# All that is called below is inlined: what has a fixed length then, the compiler unrolls and turns into SIMD.
+# The functions below are inlined, so that the compiler knows the block lengths and vectorizes the loops.
 @kernel(*((read(value, 2), read(F64, 2), filled(value, 2), read(F32, 1), I64, I64, I64) for value in (U8, U16)),
         fastmath=True)
-def _resample(image: Image, M: Homography, out: Image, place_of: FloatArray, channels: int, first: int,
+def _resample(image: Image, M: Homography, out: Image, pixel_of: FloatArray, channels: int, first: int,
               last: int) -> None:
-    """Rows `first` to `last` of the result; pictures are (h, w * channels).
+    """Fills rows `first` to `last` of the result; images are (h, w * channels).
 
-    place_of: which pixel of a block each of its values belongs to.
+    pixel_of: pixel of a block to which each of its values belongs.
     """
     shape = image.shape
-    wide, pixels, made = out.shape[1] // channels, image.ravel(), out.ravel()
+    wide, pixels, result = out.shape[1] // channels, image.ravel(), out.ravel()
     for y in range(first, last):
         for block in range(0, wide, _LONG):
-            start = min(block, wide - _LONG)  # the last one overlaps the one before
+            start = min(block, wide - _LONG)  # the last block overlaps the previous one
             if start < 0:
-                _one_by_one(image, M, out, channels, 0, wide, y)
+                _pixel_by_pixel(image, M, out, channels, 0, wide, y)
                 continue
-            x0, y0, depth = _place(M, start, y)
-            x1, y1, deeper = _place(M, start + _LONG, y)
-            to, bent = (y * wide + start) * channels, deeper / depth - 1
-            if (_steady(pixels, shape, made, to, place_of, channels, _LONG, x0, y0, x1, y1, bent)
-                    or _crossing(pixels, shape, made, to, place_of, channels, _LONG, x0, y0, x1, y1, bent)):
+            x0, y0, depth = _source_position(M, start, y)
+            x1, y1, end_depth = _source_position(M, start + _LONG, y)
+            to, depth_change = (y * wide + start) * channels, end_depth / depth - 1
+            if (_within_rows(pixels, shape, result, to, pixel_of, channels, _LONG, x0, y0, x1, y1, depth_change) or
+                    _across_rows(pixels, shape, result, to, pixel_of, channels, _LONG, x0, y0, x1, y1, depth_change)):
                 continue
             for part in range(0, _LONG, _SHORT):
                 end = part + _SHORT
-                a, b = _along(part / _LONG, bent), _along(end / _LONG, bent)
-                if not _crossing(pixels, shape, made, to + part * channels, place_of, channels, _SHORT,
+                a, b = _source_share(part / _LONG, depth_change), _source_share(end / _LONG, depth_change)
+                if not _across_rows(pixels, shape, result, to + part * channels, pixel_of, channels, _SHORT,
                                  x0 + a * (x1 - x0), y0 + a * (y1 - y0), x0 + b * (x1 - x0), y0 + b * (y1 - y0),
-                                 bent * _SHORT / _LONG):
-                    _one_by_one(image, M, out, channels, start + part, start + end, y)
+                                 depth_change * _SHORT / _LONG):
+                    _pixel_by_pixel(image, M, out, channels, start + part, start + end, y)
 
 
 @inlined(fastmath=True)
-def _place(M: Homography, x: float, y: float) -> Any:
-    """Where in the picture a pixel of the result lies, and its depth."""
+def _source_position(M: Homography, x: float, y: float) -> Any:
+    """Source position and depth of a pixel of the result."""
     depth = M[2, 0] * x + M[2, 1] * y + M[2, 2]
     inverse = 1 / depth
     return (M[0, 0] * x + M[0, 1] * y + M[0, 2]) * inverse, (M[1, 0] * x + M[1, 1] * y + M[1, 2]) * inverse, depth
 
 
 @inlined(fastmath=True)
-def _along(s: float, bent: float) -> Any:
-    """How far from one end of a block to the other, in the picture, what is a share `s` of the way in the result.
+def _source_share(s: float, depth_change: float) -> Any:
+    """Share of a block's source path that corresponds to the share `s` of the block in the result.
 
-    s (1 + bent) / (1 + s bent), to second order.
+    s (1 + depth_change) / (1 + s depth_change), to second order.
     """
-    return s + bent * s * (1 - s)
+    return s + depth_change * s * (1 - s)
 
 
 @inlined(fastmath=True)
-def _course(length: int, x0: float, y0: float, x1: float, y1: float, bent: float) -> Any:
-    """How the place in the picture runs along a block: steps and bends in x and y, the column and row it begins in.
+def _block_path(length: int, x0: float, y0: float, x1: float, y1: float, depth_change: float) -> Any:
+    """Source path of a block: steps and second-order terms in x and y, first column and row, number of crossings.
 
-    The last one: how often it then crosses a row, or a column that moves along.
+    A crossing is a change of the source row, or of the column relative to the pixel's position in the block.
     """
     x_step, y_step = (x1 - x0) / length, (y1 - y0) / length
-    x_bend, y_bend = bent * x_step / length, bent * y_step / length
+    x_bend, y_bend = depth_change * x_step / length, depth_change * y_step / length
     x_sag, y_sag = abs(x_bend) * length**2 / 4, abs(y_bend) * length**2 / 4
     column, row = np.floor(min(x0, x1 - length) - x_sag), np.floor(min(y0, y1) - y_sag)
     crossed = max(np.floor(max(x0, x1 - length) + x_sag) - column, np.floor(max(y0, y1) + y_sag) - row)
@@ -114,43 +117,43 @@ def _course(length: int, x0: float, y0: float, x1: float, y1: float, bent: float
 
 
 @inlined(fastmath=True)
-def _holds(shape: tuple[int, int], channels: int, column: int, row: int, columns: int, rows: int) -> bool:
-    """Whether the picture has so many columns and rows from there on."""
+def _contains(shape: tuple[int, int], channels: int, column: int, row: int, columns: int, rows: int) -> bool:
+    """Whether the image contains `columns` x `rows` pixels from (column, row) on."""
     return column >= 0 and row >= 0 and (column + columns) * channels <= shape[1] and row + rows <= shape[0]
 
 
-# Indices of values are unsigned: numba would ask of each signed one whether it counts from the end.
+# Indices are unsigned, because numba checks each signed one for wraparound.
 @inlined(fastmath=True)
-def _steady(pixels: Image, shape: tuple[int, int], made: Image, to: int, place_of: FloatArray, channels: int,
-            length: int, x0: float, y0: float, x1: float, y1: float, bent: float) -> bool:
-    """A block whose pixels each lie between the same two rows, and as far along; False where that is not so.
+def _within_rows(pixels: Image, shape: tuple[int, int], result: Image, to: int, pixel_of: FloatArray, channels: int,
+            length: int, x0: float, y0: float, x1: float, y1: float, depth_change: float) -> bool:
+    """Fills a block whose source path crosses no row or column; False if it does.
 
-    x0, y0, x1, y1: where its first pixel lies, and the one after its last. bent: see `_along`.
+    x0, y0: source position of its first pixel. x1, y1: of the pixel after its last. depth_change: see `_source_share`.
     """
-    x_step, y_step, x_bend, y_bend, column, row, crossed = _course(length, x0, y0, x1, y1, bent)
-    if crossed > 0 or not _holds(shape, channels, column, row, length + 1, 2):
+    x_step, y_step, x_bend, y_bend, column, row, crossed = _block_path(length, x0, y0, x1, y1, depth_change)
+    if crossed > 0 or not _contains(shape, channels, column, row, length + 1, 2):
         return False
     at, into = np.uint64(row * shape[1] + column * channels), np.uint64(to)
     right, down, whole = np.uint64(channels), np.uint64(shape[1]), np.float32(length)
     fx0, fx_step, fx_bend = np.float32(x0 - column), np.float32(x_step - 1), np.float32(x_bend)
     fy0, fy_step, fy_bend = np.float32(y0 - row), np.float32(y_step), np.float32(y_bend)
     for k in range(np.uint64(length * channels)):
-        p = place_of[k]
+        p = pixel_of[k]
         curve = p * (whole - p)
         fx, fy = fx0 + fx_step * p + fx_bend * curve, fy0 + fy_step * p + fy_bend * curve
         a, b = np.float32(pixels[at + k]), np.float32(pixels[at + k + right])
         c, d = np.float32(pixels[at + down + k]), np.float32(pixels[at + down + k + right])
         upper, lower = a + fx * (b - a), c + fx * (d - c)
-        made[into + k] = np.int32(upper + fy * (lower - upper) + np.float32(0.5))
+        result[into + k] = np.int32(upper + fy * (lower - upper) + np.float32(0.5))
     return True
 
 
 @inlined(fastmath=True)
-def _crossing(pixels: Image, shape: tuple[int, int], made: Image, to: int, place_of: FloatArray,
-              channels: int, length: int, x0: float, y0: float, x1: float, y1: float, bent: float) -> bool:
-    """The same where a row, or a column, may be crossed once: of three, with those weights that are not 0."""
-    x_step, y_step, x_bend, y_bend, column, row, crossed = _course(length, x0, y0, x1, y1, bent)
-    if crossed > 1 or not _holds(shape, channels, column, row, length + 2, 3):
+def _across_rows(pixels: Image, shape: tuple[int, int], result: Image, to: int, pixel_of: FloatArray,
+              channels: int, length: int, x0: float, y0: float, x1: float, y1: float, depth_change: float) -> bool:
+    """As `_within_rows`, for a path with at most one crossing: interpolates in three rows and columns."""
+    x_step, y_step, x_bend, y_bend, column, row, crossed = _block_path(length, x0, y0, x1, y1, depth_change)
+    if crossed > 1 or not _contains(shape, channels, column, row, length + 2, 3):
         return False
     at, into = np.uint64(row * shape[1] + column * channels), np.uint64(to)
     right, down, whole = np.uint64(channels), np.uint64(shape[1]), np.float32(length)
@@ -158,40 +161,40 @@ def _crossing(pixels: Image, shape: tuple[int, int], made: Image, to: int, place
     fy0, fy_step, fy_bend = np.float32(y0 - row), np.float32(y_step), np.float32(y_bend)
     zero, one = np.float32(0), np.float32(1)
     for k in range(np.uint64(length * channels)):
-        p = place_of[k]
+        p = pixel_of[k]
         curve = p * (whole - p)
         fx, fy = fx0 + fx_step * p + fx_bend * curve, fy0 + fy_step * p + fy_bend * curve
         beyond_x, beyond_y = max(fx - one, zero), max(fy - one, zero)
         fx, fy = min(fx, one), min(fy, one)
-        upper = _between(pixels, at + k, right, fx, beyond_x)
-        middle = _between(pixels, at + down + k, right, fx, beyond_x)
-        lower = _between(pixels, at + down + down + k, right, fx, beyond_x)
-        made[into + k] = np.int32(upper + fy * (middle - upper) + beyond_y * (lower - middle) + np.float32(0.5))
+        upper = _interpolate(pixels, at + k, right, fx, beyond_x)
+        middle = _interpolate(pixels, at + down + k, right, fx, beyond_x)
+        lower = _interpolate(pixels, at + down + down + k, right, fx, beyond_x)
+        result[into + k] = np.int32(upper + fy * (middle - upper) + beyond_y * (lower - middle) + np.float32(0.5))
     return True
 
 
 @inlined(fastmath=True)
-def _between(pixels: Image, at: int, right: int, fx: float, beyond: float) -> Any:
-    """The value `fx` px along the way from one pixel to the next, and then `beyond` along that to the next but one."""
+def _interpolate(pixels: Image, at: int, right: int, fx: float, beyond: float) -> Any:
+    """Linear interpolation by `fx` from a pixel to the next one, and by `beyond` from there to the one after."""
     a, b, c = np.float32(pixels[at]), np.float32(pixels[at + right]), np.float32(pixels[at + right + right])
     return a + fx * (b - a) + beyond * (c - b)
 
 
 @inlined(fastmath=True)
-def _one_by_one(image: Image, M: Homography, out: Image, channels: int, start: int, end: int,
+def _pixel_by_pixel(image: Image, M: Homography, out: Image, channels: int, start: int, end: int,
                 y: int) -> None:
-    """Pixels at the border of the picture and beyond, where there is nothing but 0."""
+    """Fills pixels near and outside the border of the image, which is 0 outside."""
     height, width = image.shape[0], image.shape[1] // channels
     for x in range(start, end):
-        x_px, y_px, _depth = _place(M, x, y)
+        x_px, y_px, _depth = _source_position(M, x, y)
         column, row = int(np.floor(x_px)), int(np.floor(y_px))
         fx, fy = x_px - column, y_px - row
         for channel in range(channels):
             value = 0.0
             if -1 <= column < width and -1 <= row < height:
-                for below in range(2):
-                    for beside in range(2):
-                        if 0 <= row + below < height and 0 <= column + beside < width:
-                            weight = (fy if below else 1 - fy) * (fx if beside else 1 - fx)
-                            value += weight * image[row + below, (column + beside) * channels + channel]
+                for dy in range(2):
+                    for dx in range(2):
+                        if 0 <= row + dy < height and 0 <= column + dx < width:
+                            weight = (fy if dy else 1 - fy) * (fx if dx else 1 - fx)
+                            value += weight * image[row + dy, (column + dx) * channels + channel]
             out[y, x * channels + channel] = np.int32(value + 0.5)

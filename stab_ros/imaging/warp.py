@@ -1,4 +1,4 @@
-"""A frame in the reference's place."""
+"""Warping of frames to the reference."""
 
 from __future__ import annotations
 
@@ -25,21 +25,28 @@ _WHOLE = Window()
 
 def warp(image: Image, ref_H_cur: Homography, size: tuple[int, int], interpolation: str, camera: Camera | None,
          window: Window = _WHOLE, allocate: Allocate = np.empty) -> Image:
-    """`image` as seen from the reference of `size` (width, height): same channels and dtype, 0 beyond its border.
+    """`image` warped to the reference, with the same channels and dtype; 0 outside the image.
 
-    With a camera whose lens distorts, distortion and homography are undone in one interpolation. window: which part of
-    the reference, and how large. allocate: gives room for the result by shape and dtype.
+    Args:
+        image: (h, w) or (h, w, channels), uint8 or uint16.
+        ref_H_cur: (3, 3).
+        size: width and height of the reference, px.
+        interpolation: one of INTERPOLATION.
+        camera: its lens distortion is removed in the same interpolation; None for none.
+        window: part of the reference to show, and its scale.
+        allocate: creates the result from its shape and dtype.
     """
-    shrinking, made_size = window.shrinking, window.size(size)
-    made_H_image = window.window_H_cur(ref_H_cur)
-    if shrinking.level:
-        image, made_H_image = shrinking.picture(image), made_H_image @ np.linalg.inv(shrinking.scale)
-    made = allocate((made_size[1], made_size[0], *image.shape[2:]), image.dtype)
+    downscaling, warped_size = window.downscaling, window.size(size)
+    warped_H_image = window.window_H_cur(ref_H_cur)
+    if downscaling.level:
+        image, warped_H_image = downscaling.picture(image), warped_H_image @ np.linalg.inv(downscaling.scale)
+    warped = allocate((warped_size[1], warped_size[0], *image.shape[2:]), image.dtype)
     if camera is not None and camera.distorts:
-        camera = camera.shrunk(shrinking) if shrinking.level else camera
-        made[...] = camera.rectify(image, made_H_image, made_size, INTERPOLATION[interpolation])
-    elif interpolation == "linear" and image.flags.c_contiguous and is_gentle(made_H_image, made_size):
-        resample(image, made_H_image, made)
+        camera = camera.downscaled(downscaling) if downscaling.level else camera
+        warped[...] = camera.rectify(image, warped_H_image, warped_size, INTERPOLATION[interpolation])
+    elif interpolation == "linear" and image.flags.c_contiguous and is_gentle(warped_H_image, warped_size):
+        resample(image, warped_H_image, warped)
     else:
-        cv2.warpPerspective(image, made_H_image, made_size, made, INTERPOLATION[interpolation], cv2.BORDER_CONSTANT)
-    return made
+        cv2.warpPerspective(image, warped_H_image, warped_size, warped, INTERPOLATION[interpolation],
+                            cv2.BORDER_CONSTANT)
+    return warped

@@ -1,4 +1,4 @@
-"""The part of the reference that `image_stabilized` shows, which may reach beyond the first view, and how large."""
+"""The output window: the part of the reference plane that `image_stabilized` shows, and its scale."""
 
 from __future__ import annotations
 
@@ -18,10 +18,12 @@ _MOST_SIDE_PX, _MOST_PX = 16384, 100_000_000
 
 @dataclass(frozen=True)
 class Window:
-    """What a picture shows of the reference.
+    """The part of the reference plane that the output image shows.
 
-    x, y: its top left pixel in the reference, may be negative. extent: width and height in px of the reference; None:
-    all of the reference. scale: how many px of the picture make one of the reference, at most 1.
+    Attributes:
+        x, y: its top left pixel in the reference; may be negative.
+        extent: width and height in reference pixels; None for those of the reference.
+        scale: output pixels per reference pixel, at most 1.
     """
 
     x: int = 0
@@ -31,10 +33,14 @@ class Window:
 
     @staticmethod
     def of(roi: str, scale: float = 1.0) -> Window:
-        """From "x, y, width, height" or [x, y, width, height]; "": the view of the reference.
+        """The window of the parameters `output_roi` and `output_scale`.
+
+        Args:
+            roi: "x, y, width, height" or "[x, y, width, height]"; empty for the whole reference.
+            scale: output pixels per reference pixel.
 
         Raises:
-            ConfigError: something else, or too large.
+            ConfigError: `roi` has another format, or is too large.
         """
         if not roi.strip():
             return Window(scale=scale)
@@ -48,25 +54,25 @@ class Window:
         return Window(x, y, (width, height), scale)
 
     def size(self, reference_size: tuple[int, int]) -> tuple[int, int]:
-        """Width and height of the picture, px."""
+        """Width and height of the output image, px, for a reference of `reference_size`."""
         width, height = self.extent or reference_size
         return max(1, round(width * self.scale)), max(1, round(height * self.scale))
 
     @property
     def offset(self) -> tuple[float, float]:
-        """Where the centre of its top left pixel lies: that of pixel (u, v) lies at offset + (u, v) / scale.
+        """Position in the reference of the centre of the top left output pixel, px.
 
-        The corners of picture and window fall together, so the first pixel of a smaller picture covers several.
+        Output pixel (u, v) lies at offset + (u, v) / scale. The outer corners of output image and window coincide.
         """
         within = 0.5 / self.scale - 0.5
         return self.x + within, self.y + within
 
     def window_H_cur(self, ref_H_cur: Homography) -> Homography:
-        """From pixels of the frame to those of the picture."""
+        """Homography from pixels of the frame to those of the output image."""
         x, y = self.offset
         return np.asarray(np.diag([self.scale, self.scale, 1.0]) @ shift(-x, -y) @ ref_H_cur)
 
     @property
-    def shrinking(self) -> Downscaling:
-        """By how much a frame may be shrunk before: four neighbours do not stand for all that a pixel covers."""
+    def downscaling(self) -> Downscaling:
+        """Downscaling of the frame before the warp, to avoid aliasing with small scales."""
         return Downscaling(max(0, math.floor(math.log2(1 / self.scale))))

@@ -1,4 +1,4 @@
-"""The stabilisation methods: one file each, one line each in METHODS."""
+"""The stabilization methods: one file and one entry of `METHODS` each."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from stab_ros.methods.ecc import Ecc
 from stab_ros.methods.fast_freak import FastFreak
 from stab_ros.methods.fft import Fft
 from stab_ros.methods.klt import Klt
-from stab_ros.methods.region import Region
+from stab_ros.methods.region import RegionMethod
 from stab_ros.methods.sar_sift import SarSift
 from stab_ros.methods.sift import Sift
 from stab_ros.methods.ssim import Ssim
@@ -19,7 +19,7 @@ METHODS: dict[str, type[Method]] = {
     "klt": Klt,
     "fft": Fft,
     "ssim": Ssim,
-    "region": Region,
+    "region": RegionMethod,
     "fast_freak": FastFreak,
     "akaze": Akaze,
     "sift": Sift,

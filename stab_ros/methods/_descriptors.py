@@ -1,8 +1,8 @@
-"""What the methods by descriptors share: key points of two pictures, and which of them are the same place.
+"""What the descriptor methods share: detection, mutual nearest-neighbour matching and spatial spreading of key points.
 
-Matches are each other's nearest descriptor, clearly nearer than the second (Lowe 2004, section 7.1), and one a place:
-a key point with two orientations has two descriptors, but is one measurement. Nothing here depends on the guess, so a
-camera that has jumped or turned is found again as easily as one that stands.
+Two descriptors match if each is the other's nearest neighbour and both pass the ratio test (Lowe 2004, section 7.1).
+A key point with two orientations has two descriptors but counts as one measurement, so there is one match per location.
+Matching does not use the predicted homography. It therefore works after a jump or a rotation of the camera, too.
 """
 
 from __future__ import annotations
@@ -17,15 +17,17 @@ import numpy as np
 from stab_ros.core.errors import InputError
 from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray, Image
 
-_CELLS = 4  # key points in a cell of the grid over which they are spread, if they were spread evenly
+_KEY_POINTS_PER_CELL = 4  # mean number of key points per cell of the grid over which they are spread
 
 
 @dataclass(frozen=True, eq=False)
 class Features:
-    """Key points of one picture.
+    """Key points of one image.
 
-    px: (N, 2) float64, centres of pixels are whole numbers. sigma_px: (N,), of a place, along either axis.
-    descriptor: (N, k), float32 or uint8 (bits).
+    Attributes:
+        px: (N, 2) float64 positions, px; pixel centres are at integer coordinates.
+        sigma_px: (N,) float64 standard deviation of the position along either axis, px.
+        descriptor: (N, k) float32, or uint8 for binary descriptors.
     """
 
     px: FloatArray
@@ -39,98 +41,110 @@ class Features:
         return Features(self.px[keep], self.sigma_px[keep], self.descriptor[keep])
 
 
-Find: TypeAlias = Callable[[Gray], Features]
+Detector: TypeAlias = Callable[[Gray], Features]
 
 
 @dataclass(frozen=True)
-class Rule:
-    """When two descriptors match: nearest to second nearest below `ratio`, both ways, and no further than `most`."""
+class MatchRule:
+    """When two descriptors match.
+
+    Attributes:
+        ratio: largest ratio of the nearest to the second nearest distance, tested in both directions.
+        norm: OpenCV norm of the descriptor distance.
+        max_distance: largest distance of a match, in units of the norm.
+    """
 
     ratio: float
     norm: int = cv2.NORM_L2
-    most: float = float("inf")
+    max_distance: float = float("inf")
 
 
-class Remembered:
-    """A `Find` that looks at the same picture only once: a frame may be matched from several guesses."""
+class CachedDetector:
+    """A `Detector` that keeps the features of the last image, because one frame may be matched several times."""
 
-    def __init__(self, find: Find) -> None:
-        self._find = find
+    def __init__(self, detect: Detector) -> None:
+        self._detect_cached = detect
         self._last: tuple[Gray, Features] | None = None
 
     def __call__(self, gray: Gray) -> Features:
         if self._last is None or not np.array_equal(self._last[0], gray):
-            self._last = gray.copy(), self._find(gray)
+            self._last = gray.copy(), self._detect_cached(gray)
         return self._last[1]
 
 
 class DescriptorMethod:
-    """`stab_ros.methods.Method` by any detector and descriptor; a place is a feature."""
+    """Base of the `Method`s that detect, describe and match key points; a feature is a distinct key point location."""
 
-    takes_points: ClassVar[bool] = False  # it chooses its features itself
+    takes_points: ClassVar[bool] = False  # the detector chooses the features
     seeks_all: ClassVar[bool] = False
 
-    def __init__(self, features: Features, find: Find, rule: Rule) -> None:
-        """features: of the reference. find: finds those of a frame."""
-        self._features, self._find, self._rule = features, Remembered(find), rule
+    def __init__(self, features: Features, detect: Detector, rule: MatchRule) -> None:
+        """features: key points of the reference. detect: detector for the frames. rule: when descriptors match."""
+        self._features, self._detect_cached, self._rule = features, CachedDetector(detect), rule
         self.reference_px: FloatArray
-        self.reference_px, place = np.unique(features.px, axis=0, return_inverse=True)
-        self._place = place.reshape(-1)
+        self.reference_px, location = np.unique(features.px, axis=0, return_inverse=True)
+        self._location = location.reshape(-1)
 
     def match(self, current: Gray, guess: Homography, trust: FloatArray) -> Correspondences:
-        now = self._find(current)
-        one, other = matched(self._features, now, self._rule)
-        feature_id = self._place[one]
+        now = self._detect_cached(current)
+        one, other = match_mutually(self._features, now, self._rule)
+        feature_id = self._location[one]
         variance = self._features.sigma_px[one] ** 2 + now.sigma_px[other] ** 2
         information = np.eye(2) / variance[:, None, None]
         return Correspondences(feature_id, self.reference_px[feature_id], now.px[other], information)
 
 
 def within(features: Features, allowed: BoolArray) -> Features:
-    """Those that lie where `allowed`, (h, w) bool."""
+    """The features whose nearest pixel is `allowed`, (h, w) bool."""
     column, row = np.round(features.px).astype(np.int64).T
     return features[allowed[row, column]]
 
 
-def matched(ones: Features, others: Features, rule: Rule) -> tuple[IdArray, IdArray]:
-    """Indices (n,) into both of what matches by `rule`, one match a place, the nearest descriptors first."""
+def match_mutually(ones: Features, others: Features, rule: MatchRule) -> tuple[IdArray, IdArray]:
+    """Indices (n,) int64 into both sets of the mutual matches by `rule`, one per location, nearest first."""
     nothing = np.empty(0, np.int64), np.empty(0, np.int64)
     if not len(ones) or not len(others):
         return nothing
-    there, distance, clear = _nearest(ones.descriptor, others.descriptor, rule)
-    one = np.flatnonzero(clear)
+    there, distance, distinctive = _nearest(ones.descriptor, others.descriptor, rule)
+    one = np.flatnonzero(distinctive)
     if not len(one):
         return nothing
-    back, _, back_clear = _nearest(others.descriptor[there[one]], ones.descriptor, rule)
-    one = one[back_clear & (back == one)]
+    back, _, back_distinctive = _nearest(others.descriptor[there[one]], ones.descriptor, rule)
+    one = one[back_distinctive & (back == one)]
     one = one[np.argsort(distance[one], kind="stable")]
-    once = _first_of_places(ones.px[one])
-    once = once[_first_of_places(others.px[there[one[once]]])]
+    once = _first_per_location(ones.px[one])
+    once = once[_first_per_location(others.px[there[one[once]]])]
     return one[once], there[one[once]]
 
 
-def _nearest(ones: Image, others: Image, rule: Rule) -> tuple[IdArray, FloatArray, BoolArray]:
-    """Of each: its nearest among the others, how far that is, and whether it is clearly the nearest."""
+def _nearest(ones: Image, others: Image, rule: MatchRule) -> tuple[IdArray, FloatArray, BoolArray]:
+    """For each of `ones`: index of its nearest neighbour, its distance, and whether it passes the ratio test."""
     kind = cv2.CV_32S if rule.norm == cv2.NORM_HAMMING else cv2.CV_32F
     distance, index = cv2.batchDistance(ones, others, kind, None, None, rule.norm, min(2, len(others)))
     best = distance[:, 0].astype(np.float64)
     second = distance[:, 1] if len(others) > 1 else np.full(len(ones), np.inf)
-    return index[:, 0].astype(np.int64), best, (best <= rule.most) & (best < rule.ratio * second)
+    return index[:, 0].astype(np.int64), best, (best <= rule.max_distance) & (best < rule.ratio * second)
 
 
-def _first_of_places(px: FloatArray) -> IdArray:
-    """Indices, ascending, of the first feature at each place."""
+def _first_per_location(px: FloatArray) -> IdArray:
+    """Indices, ascending, of the first feature at each location."""
     return np.asarray(np.sort(np.unique(px, axis=0, return_index=True)[1]))
 
 
-def spread(px: FloatArray, response: FloatArray, count: int, shape: tuple[int, ...]) -> IdArray:
-    """At most `count` of the points: of each cell of an even grid the strongest, then the second strongest, ...
+def spread_evenly(px: FloatArray, response: FloatArray, count: int, shape: tuple[int, ...]) -> IdArray:
+    """Indices (n,), ascending, of at most `count` points spread over a regular grid.
 
-    px: (N, 2). response: (N,). shape: of the picture. Returns indices, ascending.
+    First the strongest point of each cell, then the second strongest, and so on.
+
+    Args:
+        px: (N, 2) positions, px.
+        response: (N,) detector response.
+        count: largest number of points.
+        shape: (h, w) of the image.
     """
     if len(px) <= count:
         return np.arange(len(px))
-    side = max(1.0, float(np.sqrt(_CELLS * shape[0] * shape[1] / count)))
+    side = max(1.0, float(np.sqrt(_KEY_POINTS_PER_CELL * shape[0] * shape[1] / count)))
     column, row = np.floor(np.maximum(px, 0) / side).astype(np.int64).T
     cell = row * (int(shape[1] / side) + 2) + column
     order = np.lexsort((-response, cell))
@@ -141,10 +155,10 @@ def spread(px: FloatArray, response: FloatArray, count: int, shape: tuple[int, .
 
 
 def contrib(name: str) -> Any:
-    """`cv2.<name>` or `cv2.xfeatures2d.<name>`, wherever this version of OpenCV keeps it.
+    """`cv2.<name>` or `cv2.xfeatures2d.<name>`, depending on the version of OpenCV.
 
     Raises:
-        InputError: it has none.
+        InputError: this OpenCV has neither.
     """
     for module in (cv2, getattr(cv2, "xfeatures2d", None)):
         if hasattr(module, name):

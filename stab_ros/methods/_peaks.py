@@ -1,4 +1,4 @@
-"""The highest peak of a map of scores, one map a point, and its place to a fraction of a pixel."""
+"""Peaks of score maps (one map per point) with sub-pixel positions."""
 
 from __future__ import annotations
 
@@ -8,14 +8,16 @@ import numpy as np
 
 from stab_ros.core.types import BoolArray, FloatArray, IdArray
 
-_LEAST = 0.01  # of the peak: lower scores have no logarithm to speak of
+_MIN_SCORE_SHARE = 0.01  # scores are clipped at this share of the peak before the logarithm
 
 
 @dataclass(frozen=True, eq=False)
 class Peaks:
     """The highest score of each of N maps.
 
-    row, column: (N,) whole px. height: (N,) the score.
+    Attributes:
+        row, column: (N,) int64, px.
+        height: (N,) the score.
     """
 
     row: IdArray
@@ -23,7 +25,7 @@ class Peaks:
     height: FloatArray
 
     def around(self, maps: FloatArray, side: int) -> FloatArray:
-        """(N, side, side) scores about each peak; what would lie outside the map is NaN."""
+        """Scores (N, side, side) around each peak; NaN outside the map."""
         reach = side // 2
         span = np.arange(-reach, reach + 1)
         padded = np.pad(maps, ((0, 0), (reach, reach), (reach, reach)), constant_values=np.nan)
@@ -32,7 +34,7 @@ class Peaks:
 
 
 def highest(maps: FloatArray) -> Peaks:
-    """The peaks of `maps`, (N, h, w)."""
+    """The highest peak of each of `maps`, (N, h, w)."""
     n, height, width = maps.shape
     flat = maps.reshape(n, height * width)
     best = flat.argmax(axis=1)
@@ -41,9 +43,9 @@ def highest(maps: FloatArray) -> Peaks:
 
 
 def ratio(maps: FloatArray, peaks: Peaks) -> FloatArray:
-    """(N,) height of the peak over that of the second highest of `maps`, (N, h, w); infinite where none is above zero.
+    """Ratio (N,) of the highest to the second highest peak of `maps`, (N, h, w); infinite without a second one.
 
-    A peak is a score below none of its eight neighbours.
+    A peak is a positive score that none of its eight neighbours exceeds.
     """
     others = np.where(_is_peak(maps), maps, 0.0)
     others[np.arange(len(maps)), peaks.row, peaks.column] = 0.0
@@ -52,7 +54,7 @@ def ratio(maps: FloatArray, peaks: Peaks) -> FloatArray:
 
 
 def _is_peak(maps: FloatArray) -> BoolArray:
-    """(N, h, w) bool: no neighbour is higher."""
+    """(N, h, w) bool: whether no neighbour is higher."""
     padded = np.pad(maps, ((0, 0), (1, 1), (1, 1)), constant_values=-np.inf)
     rows = np.maximum(np.maximum(padded[:, :-2], padded[:, 1:-1]), padded[:, 2:])
     around = np.maximum(np.maximum(rows[:, :, :-2], rows[:, :, 1:-1]), rows[:, :, 2:])
@@ -60,10 +62,10 @@ def _is_peak(maps: FloatArray) -> BoolArray:
 
 
 def gaussian_2x3(near: FloatArray) -> FloatArray:
-    """(N, 2) px, x and y, from the middle of scores (N, 3, 3) to the peak of the Gaussian through three on each axis.
+    """Offsets (N, 2), x and y in px, of the peaks from the centres of scores (N, 3, 3): a Gaussian on each axis.
 
     The 2x3-point estimator (Willert and Gharib 1991): dx = (ln l - ln r) / (2 ln l - 4 ln c + 2 ln r). NaN where the
-    scores do not bend down or are NaN.
+    scores are NaN or not concave.
     """
     level = _logarithm(near)
     middle = level[:, 1, 1]
@@ -72,17 +74,17 @@ def gaussian_2x3(near: FloatArray) -> FloatArray:
 
 
 def _vertex(before: FloatArray, middle: FloatArray, after: FloatArray) -> FloatArray:
-    """Where the parabola through the values at -1, 0 and 1 has its maximum."""
-    bend = 2 * before - 4 * middle + 2 * after
-    return np.asarray(np.divide(before - after, bend, out=np.full(len(middle), np.nan), where=bend < 0))
+    """Position of the maximum of the parabola through the values at -1, 0 and 1; NaN where it has none."""
+    curvature = 2 * before - 4 * middle + 2 * after
+    return np.asarray(np.divide(before - after, curvature, out=np.full(len(middle), np.nan), where=curvature < 0))
 
 
 def gaussian_fit(near: FloatArray) -> FloatArray:
-    """(N, 2) px, x and y, from the middle of scores (N, k, k) to the peak of the Gaussian nearest to all of them.
+    """Offsets (N, 2), x and y in px, of the peaks from the centres of scores (N, k, k): a fitted 2-D Gaussian.
 
-    Least squares over height, place, widths and slant. It is linear in the logarithm of the scores; weighted with the
-    squared score, errors count as they do in the scores themselves (Guo 2011). NaN where the scores do not bend down,
-    are NaN, or the peak would lie outside them.
+    Least squares over height, position, widths and orientation, linear in the logarithm of the scores. Weights equal to
+    the squared score make errors count as in the scores themselves (Guo 2011). NaN where the scores are NaN or not
+    concave, or where the peak lies outside the window.
     """
     reach = near.shape[1] // 2
     y, x = (axis.ravel().astype(float) for axis in np.mgrid[-reach : reach + 1, -reach : reach + 1])
@@ -101,6 +103,6 @@ def gaussian_fit(near: FloatArray) -> FloatArray:
 
 
 def _logarithm(near: FloatArray) -> FloatArray:
-    """Of the scores (N, k, k) over that in the middle."""
+    """Logarithm of the scores (N, k, k) relative to the central one."""
     middle = near[:, near.shape[1] // 2, near.shape[2] // 2][:, None, None]
-    return np.asarray(np.log(np.maximum(near / middle, _LEAST)))
+    return np.asarray(np.log(np.maximum(near / middle, _MIN_SCORE_SHARE)))

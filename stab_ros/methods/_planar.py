@@ -1,8 +1,8 @@
-"""Small planar markers: the best whole pixel of a search area, then place, turn and size to a fraction of one.
+"""Alignment of small planar markers: an exhaustive integer search, then a sub-pixel refinement of an affine motion.
 
-The refinement is efficient second-order minimisation (Benhimane and Malis 2004): Gauss-Newton whose derivative is the
-mean of the pattern's and of the current picture's gradient, which converges as fast as Newton's method. All markers
-step together, until each of them stands.
+The refinement is efficient second-order minimization (ESM, Benhimane and Malis 2004): Gauss-Newton with the mean of the
+template gradient and the current image's gradient, which converges as fast as Newton's method. All markers iterate
+together until each has converged.
 """
 
 from __future__ import annotations
@@ -13,62 +13,69 @@ import numpy as np
 
 from stab_ros.core.kernels import F32, filled, kernel, read
 from stab_ros.core.types import BoolArray, FloatArray, IdArray, Image
-from stab_ros.methods._areas import Maps, sample
+from stab_ros.methods._affine_windows import AffineMaps, sample
 
-# which of the motions x, y, rotation, scale, stretch and shear about its centre a marker may make
+# which of the parameters x, y, rotation, scale, stretch and shear (about the marker's centre) each model has
 MOTIONS = {
     "translation": (0, 1), "translation_rotation": (0, 1, 2), "translation_scale": (0, 1, 3),
     "translation_rotation_scale": (0, 1, 2, 3), "affine": (0, 1, 2, 3, 4, 5),
 }
 _CONVERGED_PX = 1e-3
-# what the six motions, in px at the pattern's edge, add to the linear part of the map
+# generators: what the six parameters, in px at the template's edge, add to the linear part of the map
 _GENERATORS = np.array([[[0, 0], [0, 0]], [[0, 0], [0, 0]], [[0, -1], [1, 0]], [[1, 0], [0, 1]], [[1, 0], [0, -1]],
                         [[0, 1], [1, 0]]], float)
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """Where N markers were found.
+class AlignedMarkers:
+    """Result of aligning N markers.
 
-    maps: from the pattern to the picture. correlation: (N,) with the pattern; 0 where the marker left the picture or
-    did not come to rest. structure: (N, 2, 2) of the pattern for shifts: sum of the outer products of the gradient,
-    without what the other motions and a change of brightness explain as well.
+    Attributes:
+        maps: from template to image coordinates.
+        correlation: (N,) correlation with the template; 0 where a marker left the image or did not converge.
+        structure: (N, 2, 2) structure tensor of the translation, grey levels^2 per px^2, after projecting out the
+            other parameters and a change of brightness.
     """
 
-    maps: Maps
+    maps: AffineMaps
     correlation: FloatArray
     structure: FloatArray
 
 
-def refine(image: Image, patterns: FloatArray, start: Maps, motion: str, iterations: int) -> Found:
-    """The markers in a picture, from where they are about to be.
+def refine(image: Image, patterns: FloatArray, start: AffineMaps, motion: str, iterations: int) -> AlignedMarkers:
+    """Aligns markers to an image, starting from `start`.
 
-    image: (h, w) float32. patterns: (N, s + 2, s + 2) float32, with one px around the s x s of the pattern. motion: one
-    of MOTIONS.
+    Args:
+        image: (h, w) float32.
+        patterns: (N, s + 2, s + 2) float32, the s x s templates with a border of one px.
+        start: initial maps.
+        motion: motion model, one of MOTIONS.
+        iterations: largest number of Gauss-Newton steps.
     """
     free, n, side = np.array(MOTIONS[motion]), len(patterns), patterns.shape[1]
-    maps, resting = Maps(start.centres.copy(), start.shape.copy()), np.zeros(n, bool)
+    maps, converged = AffineMaps(start.centres.copy(), start.linear.copy()), np.zeros(n, bool)
     correlation, structure = np.zeros(n), np.zeros((n, 2, 2))
-    going = np.flatnonzero(maps.inside(image, side))
+    active = np.flatnonzero(maps.inside(image, side))
     for _ in range(iterations):
-        if not len(going):
+        if not len(active):
             break
-        step, correlation[going], structure[going] = _step(image, patterns[going], maps[going], free)
-        moved = maps[going].moved(*_motion(step, free, side - 2))
-        maps.centres[going], maps.shape[going] = moved.centres, moved.shape
-        resting[going] = np.abs(step).max(axis=1) < _CONVERGED_PX
-        going = going[~resting[going] & (correlation[going] > 0) & moved.inside(image, side)]
-    return Found(maps, np.where(resting, correlation, 0.0), structure)
+        step, correlation[active], structure[active] = _step(image, patterns[active], maps[active], free)
+        moved = maps[active].displaced(*_displacement_field(step, free, side - 2))
+        maps.centres[active], maps.linear[active] = moved.centres, moved.linear
+        converged[active] = np.abs(step).max(axis=1) < _CONVERGED_PX
+        active = active[~converged[active] & (correlation[active] > 0) & moved.inside(image, side)]
+    return AlignedMarkers(maps, np.where(converged, correlation, 0.0), structure)
 
 
-def _step(image: Image, patterns: FloatArray, maps: Maps, free: IdArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """One Gauss-Newton step (N, k) px, and the correlation and structure found with it."""
+def _step(image: Image, patterns: FloatArray, maps: AffineMaps,
+          free: IdArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """One Gauss-Newton step (N, k), px, with the correlation and the structure tensor at the current maps."""
     seen = sample(image, maps, patterns.shape[1]).astype(np.float64)
     pattern, there = _centred(patterns[:, 1:-1, 1:-1]), _centred(seen[:, 1:-1, 1:-1])
     power, along, variation = _dot(pattern, pattern), _dot(pattern, there), _dot(there, there)
     usable = (along > 0) & (power > 0)
     gain = np.divide(along, variation, out=np.zeros_like(along), where=usable)[:, None, None]
-    steepest = _descent((patterns + gain * seen) / 2, pattern, power, free)
+    steepest = _steepest_descent((patterns + gain * seen) / 2, pattern, power, free)
     residual = (pattern - gain * there).reshape(len(pattern), pattern[0].size)
     normal = np.einsum("nap,nbp->nab", steepest, steepest)
     largest = normal.max(axis=(1, 2), initial=0.0)
@@ -78,11 +85,11 @@ def _step(image: Image, patterns: FloatArray, maps: Maps, free: IdArray) -> tupl
     return step, correlation, np.linalg.inv(covariance[:, :2, :2])
 
 
-def _descent(mean_image: FloatArray, pattern: FloatArray, power: FloatArray, free: IdArray) -> FloatArray:
-    """(N, k, s s) how the picture changes with each free motion, orthogonal to a constant and to the pattern."""
+def _steepest_descent(mean_image: FloatArray, pattern: FloatArray, power: FloatArray, free: IdArray) -> FloatArray:
+    """Steepest descent images (N, k, s s) of the free parameters, orthogonal to a constant and to the template."""
     gx = (mean_image[:, 1:-1, 2:] - mean_image[:, 1:-1, :-2]) / 2
     gy = (mean_image[:, 2:, 1:-1] - mean_image[:, :-2, 1:-1]) / 2
-    u = _places(pattern.shape[1])
+    u = _normalized_coordinates(pattern.shape[1])
     v = u[:, None]
     motions = (gx, gy, gy * u - gx * v, gx * u + gy * v, gx * u - gy * v, gx * v + gy * u)
     steepest = np.stack([_centred(motions[a]) for a in free], axis=1)
@@ -90,13 +97,13 @@ def _descent(mean_image: FloatArray, pattern: FloatArray, power: FloatArray, fre
     return np.asarray(steepest - share[:, :, None, None] * pattern[:, None]).reshape(*steepest.shape[:2], -1)
 
 
-def _motion(step: FloatArray, free: IdArray, side: int) -> tuple[FloatArray, FloatArray]:
-    """Shift (N, 2) px and gradient (N, 2, 2) of the field of steps (N, k)."""
+def _displacement_field(step: FloatArray, free: IdArray, side: int) -> tuple[FloatArray, FloatArray]:
+    """Translation (N, 2), px, and gradient (N, 2, 2) of the displacement field of steps (N, k)."""
     return step[:, :2], np.einsum("na,aij->nij", step, _GENERATORS[free]) / ((side - 1) / 2)
 
 
-def _places(side: int) -> FloatArray:
-    """(s,) -1 to 1 across the pattern."""
+def _normalized_coordinates(side: int) -> FloatArray:
+    """(s,) coordinates from -1 to 1 across the template."""
     return np.linspace(-1, 1, side)
 
 
@@ -108,11 +115,15 @@ def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("nij,nij->n", a, b))
 
 
-def best_place(patterns: FloatArray, areas: FloatArray) -> tuple[IdArray, BoolArray]:
-    """Lags (N, 2) px from the middle of areas (N, s + m - 1, s + m - 1) at which patterns (N, s, s) differ least.
+def best_lag(patterns: FloatArray, areas: FloatArray) -> tuple[IdArray, BoolArray]:
+    """Integer displacement of each template within its search area by the zero-mean sum of absolute differences.
 
-    By the sum of absolute differences, both about their means, so that brightness does not count. And (N,) bool: the
-    lag does not lie on the border. All float32.
+    Args:
+        patterns: (N, s, s) float32 templates.
+        areas: (N, s + m - 1, s + m - 1) float32 search areas.
+
+    Returns:
+        Lags (N, 2) int64 from the centre of the area, px, and (N,) bool: whether the lag is not on the border.
     """
     n, lags = len(patterns), areas.shape[1] - patterns.shape[1] + 1
     scores = np.zeros((n, lags, lags), np.float32)

@@ -1,4 +1,4 @@
-"""What every stabilisation method is to the tracker."""
+"""The interface of the stabilization methods."""
 
 from __future__ import annotations
 
@@ -8,29 +8,41 @@ from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArra
 
 
 class Method(Protocol):
-    """Finds features of the reference again in the current frame.
+    """Matches features of the reference in the current frame.
 
-    Everything that depends on the reference alone is done in the constructor, once. Reports all it found: which of it
-    is static ground is the estimator's and `core.static_features`' to decide.
+    The constructor does everything that depends on the reference alone. `match` reports every correspondence that it
+    finds; the estimator and the tracker's feature trust decide which of them are static ground.
+
+    Attributes:
+        Config: frozen dataclass of `core.settings.setting` fields, the parameters `<method>.*`.
+        takes_points: whether the user may provide the features (`points_px`).
+        seeks_all: whether `match` searches for every feature; otherwise a detector redetects only some of them.
     """
 
-    Config: ClassVar[type[Any]]  # frozen dataclass of `core.config.setting` fields: parameters `<name>.*`
-    takes_points: ClassVar[bool]  # whether the user may name the features
-    seeks_all: ClassVar[bool]  # whether each is looked for; else a detector finds again what it finds
+    Config: ClassVar[type[Any]]
+    takes_points: ClassVar[bool]
+    seeks_all: ClassVar[bool]
 
     def __init__(self, reference: Gray, allowed: BoolArray, config: Any, points_px: FloatArray = NO_POINTS) -> None:
-        """reference: (h, w) uint8. allowed: (h, w) bool, where features may lie that the method chooses.
+        """Selects features in the reference.
 
-        points_px: (n, 2) float64, the features that the user names, wherever `allowed`; none: the method chooses.
-        One that is of no use (too near the border, no texture) is left out; the engine says which.
+        Args:
+            reference: (h, w) uint8.
+            allowed: (h, w) bool, where the method may choose features.
+            config: an instance of `Config`.
+            points_px: (n, 2) float64, features given by the user, px; with n = 0 the method chooses. Points without
+                texture or too close to the border are dropped, and the tracker reports them.
         """
 
     @property
     def reference_px(self) -> FloatArray:
-        """Where the reference's features lie, (features, 2) float64; a feature_id is a row of it."""
+        """Positions of the features in the reference, (N, 2) float64, px; a `feature_id` is a row of it."""
 
     def match(self, current: Gray, guess: Homography, trust: FloatArray) -> Correspondences:
-        """The features found in `current`, (h, w) uint8, of the reference's size; it is not modified.
+        """Correspondences between the reference and a frame.
 
-        guess: ref_H_cur as predicted. trust: (features,) in [0, 1], how static each feature has proved so far.
+        Args:
+            current: (h, w) uint8, of the reference's size; not modified.
+            guess: predicted `ref_H_cur`.
+            trust: (N,) prior weight in [0, 1] of each feature: how static it has been so far.
         """

@@ -1,11 +1,14 @@
-"""Direct alignment of a few hundred patches of the reference to the current frame; the default method.
+"""Direct alignment of 2400 patches (parameter `direct.patches`) of the reference to the current frame; the default.
 
-Each patch keeps its integer place in the reference and reports, through its own template's gradient, how far the
-current picture is off there, with the information that displacement carries (structure tensor over measured noise).
-All patches together correct one homography, coarse to fine over an image pyramid and then again at full resolution
-until nothing moves: joint inverse-compositional Gauss-Newton (Baker and Matthews 2004), but with the robust weights
-on displacements in px, so that water that moves along with an intact texture is told from ground. Only the pyramid
-touches every pixel of a frame.
+Each patch measures its displacement in the current frame through the gradient of its template, with the information
+matrix of that displacement (structure tensor over measured noise). All patches together correct one homography, coarse
+to fine over an image pyramid and then at full resolution until it converges. This is joint inverse compositional
+Gauss-Newton (Baker and Matthews 2004) with robust weights on displacements in px rather than on grey levels. Water that
+moves with an intact texture is therefore separated from ground. Only the pyramid reads every pixel of a frame.
+
+The robust weights inside the alignment use fixed inlier thresholds: 0.5 px at full resolution, and 1 px (of the level)
+on the coarser pyramid levels. The parameter `threshold` does not change them. It applies to the fit of the reported
+correspondences afterwards.
 """
 
 from __future__ import annotations
@@ -24,64 +27,83 @@ from stab_ros.estimation.models import MODELS, minimal_points
 from stab_ros.methods import spread
 from stab_ros.methods.patches import Patches, cut_patches, measure_patches
 
-_COARSEST_PX = 60  # no pyramid level has a side shorter than this
-_COARSE_PATCHES = 150  # of each coarser level
-_ALIGNING_PATCHES = 400  # at full resolution; all patches measure only once, when the alignment stands
-_TRUSTED = 0.3
-_MOST = 0.6  # of the patches
-_SCATTERED_PX = 0.65  # a typical distance is 0.1 to 0.4, with 9 px of motion blur 0.5, and 0.8 where errors reach 1 px
-_LINEAR_PX = 2.0  # beyond, a displacement is no measurement any more
+_COARSEST_PX = 60  # shortest side of a pyramid level
+_COARSE_PATCHES = 150  # on each coarser level
+_ALIGNING_PATCHES = 400  # at full resolution; all patches are measured only once, after convergence
+_MIN_TRUST = 0.3
+_MIN_FOUND_SHARE = 0.6  # of the patches; with fewer, the alignment starts on the pyramid
+# median residuals are 0.1 to 0.4 px, 0.5 px with 9 px of motion blur, and 0.8 px where the homography is 1 px off
+_MAX_MEDIAN_RESIDUAL_PX = 0.65
+_MAX_DISPLACEMENT_PX = 2.0  # the linearization of a patch does not hold beyond
 
 
 @dataclass(frozen=True)
-class Steps:
-    """How an alignment goes about it: at most so many steps, each robust to what is off by more than the threshold."""
+class Schedule:
+    """Iterations of an alignment.
 
-    most: int
+    Attributes:
+        max_steps: largest number of Gauss-Newton steps.
+        model: transformation model of the correction.
+        threshold_px: inlier threshold of the robust weights; fixed, and independent of the parameter `threshold`.
+        converged_px: RMS change of the homography over the frame below which the iteration stops.
+    """
+
+    max_steps: int
     model: str
     threshold_px: float
     converged_px: float
 
 
-_COARSE = Steps(3, "affine", 1.0, 0.2)
-_FINE = Steps(4, "projective", 0.5, 0.01)
+_COARSE = Schedule(3, "affine", 1.0, 0.2)
+_FINE = Schedule(4, "projective", 0.5, 0.01)
 
 
-def _finely(patches: int) -> Steps:
-    """At full resolution, in the largest model that so many patches determine."""
+def _fine_schedule(patches: int) -> Schedule:
+    """The iterations at full resolution, with the most general model that so many patches determine."""
     models = [model for model in MODELS if minimal_points(model) <= patches]
     return replace(_FINE, model=models[-1]) if models else _FINE
 
 
 @dataclass(frozen=True, eq=False)
-class Level:
+class PatchLevel:
     """One coarser level of the pyramid.
 
-    covers: (pairs, 2) a patch of its own, and a full-resolution patch whose centre lies in it.
+    Attributes:
+        patches: patches of this level.
+        scale: homography from full-resolution pixels to those of the level.
+        overlaps: (n, 2) int64, index of a patch of the level and of a full-resolution patch whose centre lies in it.
     """
 
     patches: Patches
     scale: Homography
-    covers: IdArray
+    overlaps: IdArray
 
     def trust(self, fine: FloatArray) -> FloatArray:
-        """(N,) mean trust of what each patch covers, 0 where most is not trusted; 1 where it covers nothing."""
-        own, covered = self.covers.T
-        count = np.bincount(own, minlength=len(self.patches))
-        total = np.bincount(own, fine[covered], minlength=len(self.patches))
+        """Prior weights (N,) of the level's patches: the mean trust `fine` of the full-resolution patches inside each.
+
+        It is 0 where that mean is too low, and 1 for a patch without any full-resolution patches.
+        """
+        coarse_patch, fine_patch = self.overlaps.T
+        count = np.bincount(coarse_patch, minlength=len(self.patches))
+        total = np.bincount(coarse_patch, fine[fine_patch], minlength=len(self.patches))
         mean = np.where(count > 0, total / np.maximum(count, 1), 1.0)
-        return np.where(mean > _TRUSTED, mean, 0.0)
+        return np.where(mean > _MIN_TRUST, mean, 0.0)
 
 
 @dataclass(frozen=True)
 class DirectConfig(Checked):
-    """Parameters `direct.*`."""
+    """Parameters `direct.*`.
 
-    patches: int = setting(2400, "number of patches, spread evenly", 16, 20000)
-    radius: int = setting(8, "half the side of a patch, px: 8 is 17x17", 3, 20)
-    min_correlation: float = setting(0.5, "a patch that looks less like its template is left out", 0.1, 0.99)
-    min_texture: float = setting(0.5, "least mean squared gradient of a patch, grey levels^2 per px^2", 0.01, 1e4)
-    subset: str = setting("all", "use every patch or every other one: two disjoint halves check each other",
+    The inlier threshold of the alignment itself (0.5 px, 1 px on coarser levels) is fixed; `threshold` applies to the
+    final fit.
+    """
+
+    patches: int = setting(2400, "Number of patches, spread evenly; their alignment uses a fixed inlier threshold of "
+                                 "0.5 px, `threshold` applies to the fit afterwards", 16, 20000)
+    radius: int = setting(8, "Half the side of a patch (8 gives 17x17 pixels), px", 3, 20)
+    min_correlation: float = setting(0.5, "Minimum correlation of a patch with its template", 0.1, 0.99)
+    min_texture: float = setting(0.5, "Minimum mean squared gradient of a patch, grey levels^2 per px^2", 0.01, 1e4)
+    subset: str = setting("all", "Subset of the patches to use; the two disjoint halves allow a cross-check",
                           choices=("all", "even", "odd"))
 
 
@@ -94,10 +116,14 @@ class Direct:
 
     def __init__(self, reference: Gray, allowed: BoolArray, config: DirectConfig,
                  points_px: FloatArray = NO_POINTS) -> None:
-        """reference: (h, w) uint8. allowed: (h, w) bool, where patches may lie. points_px: (n, 2), or none.
+        """Cuts the patches of all pyramid levels.
 
-        Given points are the centres of the patches that measure, to the whole px; those of the coarser levels, which
-        only find the way, lie where they are allowed.
+        Args:
+            reference: (h, w) uint8.
+            allowed: (h, w) bool, where patches may lie.
+            config: parameters.
+            points_px: (n, 2), patch centres given by the user, px, rounded to whole pixels; n = 0 for automatic ones.
+                The patches of the coarser levels are always automatic.
         """
         self._config = config
         pyramid = build_pyramid(reference)
@@ -111,88 +137,92 @@ class Direct:
         self.reference_px: FloatArray = self._fine.centres.astype(np.float64)
         self._coarse = [self._level(pyramid[k], allowed, k) for k in range(len(pyramid) - 1, 0, -1)]
 
-    def _level(self, gray: Gray, allowed: BoolArray, level: int) -> Level:
+    def _level(self, gray: Gray, allowed: BoolArray, level: int) -> PatchLevel:
         radius = self._config.radius
         small = cv2.resize(allowed.astype(np.uint8), gray.shape[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
         centres = spread.choose(gray, small, _COARSE_PATCHES, radius, self._config.min_texture)
         scale = level_scale(level)
         patches = cut_patches(gray, centres, radius)
         apart = np.abs(apply(scale, self.reference_px)[None] - patches.centres[:, None]).max(axis=2, initial=0)
-        return Level(patches, scale, np.argwhere(apart <= radius))
+        return PatchLevel(patches, scale, np.argwhere(apart <= radius))
 
     def match(self, current: Gray, guess: Homography, trust: FloatArray) -> Correspondences:
-        """Coarser pictures only where few patches are found by the guess.
+        """Correspondences of all patches after the alignment; see `Method.match`.
 
-        Else they could only lead astray, with water beside the ground in every patch.
+        The pyramid is used only if few patches are found at the predicted homography. Coarse patches contain water
+        next to ground more often, so they would not improve a good prediction.
         """
-        chosen = self._aligning(trust)
-        H, seen = guess, self._look(self._fine, chosen, current, guess)
-        if len(seen) <= _MOST * len(chosen):
+        chosen = self._alignment_subset(trust)
+        H, measured = guess, self._measure(self._fine, chosen, current, guess)
+        if len(measured) <= _MIN_FOUND_SHARE * len(chosen):
             H = self._align_coarse(current, guess, trust)
-            seen = self._look(self._fine, chosen, current, H)
-        better = self._align(self._fine, seen, chosen, current, H, trust, _finely(len(chosen)))
+            measured = self._measure(self._fine, chosen, current, H)
+        better = self._align(self._fine, measured, chosen, current, H, trust, _fine_schedule(len(chosen)))
         H = H if better is None else better
-        pairs = self._look(self._fine, np.arange(len(self._fine)), current, H)
-        return pairs if _agrees(pairs, H, trust) else pairs[:0]
+        pairs = self._measure(self._fine, np.arange(len(self._fine)), current, H)
+        return pairs if _is_consistent(pairs, H, trust) else pairs[:0]
 
     def _align_coarse(self, gray: Gray, guess: Homography, trust: FloatArray) -> Homography:
-        """`guess` corrected over the pyramid, from its top to the level below full resolution."""
+        """`guess` refined over the pyramid, from its coarsest level to the one below full resolution."""
         H = guess
         for small, level in zip(reversed(build_pyramid(gray)[1:]), self._coarse, strict=True):
             H = self._align_level(small, level, H, trust)
         return H
 
-    def _align_level(self, gray: Gray, level: Level, guess: Homography, trust: FloatArray) -> Homography:
-        """`guess` corrected by one pyramid level; unchanged where the level has too little to say."""
+    def _align_level(self, gray: Gray, level: PatchLevel, guess: Homography, trust: FloatArray) -> Homography:
+        """`guess` refined on one pyramid level; unchanged where the level does not determine a homography."""
         H = normalized(level.scale @ guess @ np.linalg.inv(level.scale))
-        every = np.arange(len(level.patches))
-        seen = self._look(level.patches, every, gray, H)
-        better = self._align(level.patches, seen, every, gray, H, level.trust(trust), _COARSE)
+        all_patches = np.arange(len(level.patches))
+        measured = self._measure(level.patches, all_patches, gray, H)
+        better = self._align(level.patches, measured, all_patches, gray, H, level.trust(trust), _COARSE)
         return guess if better is None else normalized(np.linalg.inv(level.scale) @ better @ level.scale)
 
     @staticmethod
-    def _aligning(trust: FloatArray) -> IdArray:
-        """An even share of the patches that are trusted."""
-        trusted = np.flatnonzero(trust > _TRUSTED)
+    def _alignment_subset(trust: FloatArray) -> IdArray:
+        """Indices of an evenly spaced subset of the trusted patches."""
+        trusted = np.flatnonzero(trust > _MIN_TRUST)
         return trusted[:: max(1, len(trusted) // _ALIGNING_PATCHES)]
 
-    def _align(self, patches: Patches, seen: Correspondences, chosen: IdArray, gray: Gray, H: Homography,
-               trust: FloatArray, steps: Steps) -> Homography | None:
-        """Correct and measure until the correction is negligible, from what is seen by H; None where that fails."""
-        for step in range(steps.most):
-            pairs = self._look(patches, chosen, gray, H) if step else seen
-            better = estimators.refine(pairs, steps.model, steps.threshold_px, H, trust[pairs.feature_id])
+    def _align(self, patches: Patches, measured: Correspondences, chosen: IdArray, gray: Gray, H: Homography,
+               trust: FloatArray, schedule: Schedule) -> Homography | None:
+        """H after Gauss-Newton steps that start from `measured`, the displacements at H; None where a step fails."""
+        for step in range(schedule.max_steps):
+            pairs = self._measure(patches, chosen, gray, H) if step else measured
+            better = estimators.refine(pairs, schedule.model, schedule.threshold_px, H, trust[pairs.feature_id])
             if better is None:
                 return None
             moved, H = rms_distance(better, H, gray.shape[::-1]), better
-            if moved < steps.converged_px:
+            if moved < schedule.converged_px:
                 break
         return H
 
-    def _look(self, patches: Patches, chosen: IdArray, gray: Gray, H: Homography) -> Correspondences:
-        """Those of the chosen patches that are found again near where H says they are."""
+    def _measure(self, patches: Patches, chosen: IdArray, gray: Gray, H: Homography) -> Correspondences:
+        """Correspondences of those chosen patches that are found near their positions under H."""
         cur_H_ref = np.linalg.inv(H)
         measured = measure_patches(patches, chosen, gray, cur_H_ref)
-        near = np.abs(measured.displacement).max(axis=1, initial=0) <= _LINEAR_PX
+        near = np.abs(measured.displacement).max(axis=1, initial=0) <= _MAX_DISPLACEMENT_PX
         found = near & (measured.correlation >= self._config.min_correlation)
         reference_px = patches.centres[chosen[found]].astype(np.float64)
         current_px = apply(cur_H_ref, reference_px + measured.displacement[found])
         return Correspondences(chosen[found], reference_px, current_px, measured.information[found], H)
 
 
-def _agrees(pairs: Correspondences, H: Homography, trust: FloatArray) -> bool:
-    """Whether the trusted patches agree on H as those of a picture that shows the same do.
+def _is_consistent(pairs: Correspondences, H: Homography, trust: FloatArray) -> bool:
+    """Whether the median residual of the trusted patches is as small as in a frame that shows the same scene.
 
-    Where it is blurred by much more than a patch can bear, each is found somewhere near, off to the side that its own
-    texture leans to: a result would look certain, by their number, and be off by pixels.
+    In a strongly blurred frame each patch is still found, but displaced in a direction that depends on its texture. The
+    large number of patches would make such a result look certain, although it is off by pixels.
     """
-    trusted = trust[pairs.feature_id] > _TRUSTED
+    trusted = trust[pairs.feature_id] > _MIN_TRUST
     off_px = np.hypot(*(apply(H, pairs.current_px) - pairs.reference_px)[trusted].T)
-    return len(off_px) == 0 or float(np.median(off_px)) < _SCATTERED_PX
+    return len(off_px) == 0 or float(np.median(off_px)) < _MAX_MEDIAN_RESIDUAL_PX
 
 
 def build_pyramid(gray: Gray) -> list[Gray]:
-    """The picture, then its 2x2 averages down to `_COARSEST_PX`; an odd last row or column is left out."""
+    """The image (h, w) uint8 and its successive 2x2 averages, while both sides are at least 60 px.
+
+    An odd last row or column is left out.
+    """
     pyramid = [gray]
     while min(pyramid[-1].shape) >= 2 * _COARSEST_PX:
         height, width = (n // 2 for n in pyramid[-1].shape)

@@ -1,19 +1,19 @@
-"""FFT cross-correlation of interrogation areas about manual or automatic points, in several passes.
+"""FFT cross-correlation of interrogation areas around manual or automatic points, in several passes.
 
 After FFT-CUAS and FFT-DCH of Ljubicic et al. (2021, section 2.1.1), whose tools correlate with PIVlab (Thielicke and
 Stamhuis 2014) and in MATLAB. Each pass correlates areas of the reference with areas of the same size in the current
-frame (circular, by FFT, means subtracted), so a pass reaches half its area in theory and about a third in practice. It
-does so at a grid of 3x3 vectors about each point, a step apart. The linear displacement field through them shifts and
-deforms the areas of the next pass; the last pass measures the point itself.
+frame (circular, by FFT, means subtracted). The range of a pass is half its area in theory and about a third in
+practice. A pass measures 3x3 vectors on a grid around each point. The linear displacement field fitted to them shifts
+and deforms the areas of the next pass. The last pass measures the point itself.
 
-* The reference is the template in every frame, so errors do not add up. FFT-DCH's text speaks of the previous frame;
-  its program compares with the first one, and here `reference` decides.
-* Areas that follow are where the predicted homography puts them, turned and stretched as it says. Areas that stay look
-  where the point was in the reference.
-* Before the peak is read, the correlation is divided by the share of the two areas that overlaps at each lag
-  (Westerweel 1997), or all displacements would come out too small. The peak itself is the 2x3-point Gaussian's.
-* Not reported are points whose peak lies on the border of the correlation plane, is not clear of the second highest
-  peak, or whose area does not look like the reference where it was found.
+* The template is always cut from the reference, so errors do not accumulate. The text of FFT-DCH mentions the previous
+  frame, but its program uses the first one; here the parameter `reference` decides.
+* With `follow`, areas are placed and deformed by the predicted homography. Without it, they stay at the point's
+  position in the reference.
+* Before the peak is read, the correlation is divided by the overlap of the two areas at each lag (Westerweel 1997),
+  because all displacements would be biased towards zero otherwise. The sub-pixel peak is a 2x3-point Gaussian fit.
+* A point is not reported if its peak lies on the border of the correlation plane, if the second highest peak is nearly
+  as high, or if the correlation of its area with the reference is too low.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ from numpy.typing import NDArray
 from stab_ros.core.errors import ConfigError
 from stab_ros.core.settings import Checked, setting
 from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray
-from stab_ros.methods import _agreement, _peaks, _places
-from stab_ros.methods._areas import Maps, sample
-from stab_ros.methods._second_look import looked_for_twice
+from stab_ros.methods import _cramer_rao, _layout, _peaks
+from stab_ros.methods._affine_windows import AffineMaps, sample
+from stab_ros.methods._guided_matching import guided_matches
 
 _GRID = np.array([[x, y] for y in (-1, 0, 1) for x in (-1, 0, 1)])
 _CENTRE = 4
-_FIELD_VECTORS = 6  # of the 9: with fewer, the areas are only shifted
-_MEDIAN_TEST, _MEDIAN_TEST_PX = 2.0, 0.1
-_CLEAR_OF = 3  # later passes look for the peak within one over this of the area
-# Errors of the points on the synthetic flights, beside the Cramer-Rao bound: those of the sub-pixel peak, and a share
-# of the last pass's correction, as far as it is below half a pixel. So a chi-square per degree of freedom is about 1.
+_FIELD_VECTORS = 6  # of the 9; with fewer valid vectors, the areas are only translated
+_MEDIAN_TEST, _MEDIAN_TEST_PX = 2.0, 0.1  # threshold and noise floor
+_REACH_DIVISOR = 3  # later passes search the peak within this fraction of the area
+# Error terms besides the Cramer-Rao bound: a constant of the sub-pixel peak, and a share of the last pass's correction
+# (up to half a pixel). Calibrated on synthetic flights, so that chi-square per degree of freedom is about 1.
 _EXCESS = 1.0
 _PEAK_PX = 0.02
-_OF_LAST_SHIFT, _MOST_SHIFT_PX = 0.15, 0.5
+_LAST_SHIFT_SHARE, _MAX_SHIFT_PX = 0.15, 0.5
 _SIDES = (8, 512)
 
 
@@ -49,15 +49,18 @@ _SIDES = (8, 512)
 class FftConfig(Checked):
     """Parameters `fft.*`."""
 
-    points: int = setting(100, "number of points, if none are given", 4, 5000)
-    layout: str = setting("even", _places.LAYOUT_DOC, choices=_places.LAYOUTS)
-    passes: str = setting("48,32,32", "sides of the areas of each pass, px, even numbers: 32,16")
-    steps: str = setting("", "spacing of the 3x3 vectors of each pass but the last, px: 16,8; empty: half the areas")
-    follow: bool = setting(True, "areas follow the predicted motion; else they stay")
-    second_look: bool = setting(True, "points that are not found are looked for where the others say they are")
-    min_correlation: float = setting(0.5, "an area that looks less like the reference is left out", 0.1, 0.99)
-    min_peak_ratio: float = setting(1.0, "least ratio of the highest to the second highest peak", 1.0, 10.0)
-    min_texture: float = setting(0.5, "least mean squared gradient of an area, grey levels^2 per px^2", 0.01, 1e4)
+    points: int = setting(100, "Number of automatic points, if none are given", 4, 5000)
+    layout: str = setting("even", _layout.LAYOUT_DOC, choices=_layout.LAYOUTS)
+    passes: str = setting("48,32,32", "Sides of the interrogation areas of successive passes, even numbers separated "
+                                      "by commas, such as 32,16, px")
+    steps: str = setting("", "Spacing of the 3x3 vectors, one value per pass (the last one is not used), such as "
+                             "16,8; empty for half the areas, px")
+    follow: bool = setting(True, "Move the interrogation areas with the predicted motion")
+    second_look: bool = setting(True, "Search missing points again at the positions predicted from the points found")
+    min_correlation: float = setting(0.5, "Minimum correlation of an area with the reference", 0.1, 0.99)
+    min_peak_ratio: float = setting(1.0, "Minimum ratio of the highest to the second highest correlation peak",
+                                    1.0, 10.0)
+    min_texture: float = setting(0.5, "Minimum mean squared gradient of an area, grey levels^2 per px^2", 0.01, 1e4)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -86,11 +89,14 @@ def _whole_numbers(name: str, text: str) -> tuple[int, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class Pass:
-    """One pass: areas of `side` px, at k offsets (k, 2) px from each of N points.
+class CorrelationPass:
+    """One pass: areas at k offsets from each of N points.
 
-    spectra: (N, k, side, side / 2 + 1) complex, of the reference, conjugate. power: (N, k) sum of its squares; 0 where
-    an area leaves the reference.
+    Attributes:
+        side: of an area, px.
+        offsets: (k, 2), px.
+        spectra: (N, k, side, side / 2 + 1) complex conjugate spectra of the areas of the reference.
+        power: (N, k) sum of squares of each area; 0 where it is not completely inside the reference.
     """
 
     side: int
@@ -99,14 +105,14 @@ class Pass:
     power: FloatArray
 
     @staticmethod
-    def of(reference: Gray, centres: FloatArray, side: int, offsets: FloatArray) -> Pass:
-        areas = _cut(reference, Maps.standing(centres), side, offsets)
-        inside = _inside(reference, Maps.standing(centres), side, offsets)
-        return Pass(side, offsets, np.conj(np.fft.rfft2(areas)), np.where(inside, _power(areas), 0.0))
+    def of(reference: Gray, centres: FloatArray, side: int, offsets: FloatArray) -> CorrelationPass:
+        areas = _mean_free_areas(reference, AffineMaps.identity(centres), side, offsets)
+        inside = _inside(reference, AffineMaps.identity(centres), side, offsets)
+        return CorrelationPass(side, offsets, np.conj(np.fft.rfft2(areas)), np.where(inside, _power(areas), 0.0))
 
-    def correlate(self, current: Gray, maps: Maps, chosen: IdArray) -> FloatArray:
-        """(n, k, side, side) normalised correlation of the chosen points over all lags; zero lag is at side / 2."""
-        areas = _cut(current, maps, self.side, self.offsets)
+    def correlate(self, current: Gray, maps: AffineMaps, chosen: IdArray) -> FloatArray:
+        """Correlation planes (n, k, side, side), normalized, of the chosen points; lag 0 is at index side / 2."""
+        areas = _mean_free_areas(current, maps, self.side, self.offsets)
         inside = _inside(current, maps, self.side, self.offsets)
         norm = np.sqrt(self.power[chosen] * np.where(inside, _power(areas), 0.0))
         plane = np.fft.irfft2(self.spectra[chosen] * np.fft.rfft2(areas), s=(self.side, self.side))
@@ -123,52 +129,60 @@ class Fft:
 
     def __init__(self, reference: Gray, allowed: BoolArray, config: FftConfig,
                  points_px: FloatArray = NO_POINTS) -> None:
-        """reference: (h, w) uint8. allowed: (h, w) bool, where points may be chosen. points_px: (n, 2), or none.
+        """Chooses the points and computes the spectra of their areas.
 
-        Given points whose largest area does not fit into the picture are left out; in small pictures no area is wider
-        than a third of the shorter side.
+        In small images no area is wider than a third of the shorter side.
+
+        Args:
+            reference: (h, w) uint8.
+            allowed: (h, w) bool, where automatic points may lie.
+            config: parameters.
+            points_px: (n, 2), points given by the user, px; n = 0 for automatic ones. Points whose largest area is not
+                completely inside the image are left out.
         """
         self._config = config
-        sides = tuple(min(side, _largest_px(reference)) for side in config.sides_px)
-        centres = self._places(reference, allowed, points_px, max(sides), sides[-1])
-        self.reference_px: FloatArray = centres[Maps.standing(centres).inside(reference, max(sides))]
+        sides = tuple(min(side, _max_side_px(reference)) for side in config.sides_px)
+        centres = self._choose_points(reference, allowed, points_px, max(sides), sides[-1])
+        self.reference_px: FloatArray = centres[AffineMaps.identity(centres).inside(reference, max(sides))]
         offsets = [step * _GRID for step in config.steps_px[:-1]] + [np.zeros((1, 2))]
-        self._passes = [Pass.of(reference, self.reference_px, side, at)
+        self._passes = [CorrelationPass.of(reference, self.reference_px, side, at)
                         for side, at in zip(sides, offsets, strict=True)]
-        self._template = sample(reference, Maps.standing(self.reference_px), sides[-1])
-        self._structure = _agreement.structure(self._template)
+        self._template = sample(reference, AffineMaps.identity(self.reference_px), sides[-1])
+        self._structure = _cramer_rao.structure(self._template)
 
-    def _places(self, reference: Gray, allowed: BoolArray, points_px: FloatArray, largest: int,
+    def _choose_points(self, reference: Gray, allowed: BoolArray, points_px: FloatArray, largest: int,
                 last: int) -> FloatArray:
         config = self._config
         if len(points_px):
-            return _places.manual(points_px, largest)
-        return _places.LAYOUT[config.layout](reference, allowed, config.points, last, largest // 2,
+            return _layout.user_points(points_px, largest)
+        return _layout.LAYOUT[config.layout](reference, allowed, config.points, last, largest // 2,
                                              config.min_texture)
 
     def match(self, current: Gray, guess: Homography, trust: FloatArray) -> Correspondences:
-        def look(H: Homography, chosen: IdArray) -> Correspondences:
-            return self._look(current, H, chosen)
+        def search(H: Homography, chosen: IdArray) -> Correspondences:
+            return self._search(current, H, chosen)
 
         if not (self._config.second_look and self._config.follow):
-            return look(guess, np.arange(len(self.reference_px)))
-        return looked_for_twice(look, guess, self.reference_px, current.shape[::-1], trust)
+            return search(guess, np.arange(len(self.reference_px)))
+        return guided_matches(search, guess, self.reference_px, current.shape[::-1], trust)
 
-    def _look(self, current: Gray, guess: Homography, chosen: IdArray) -> Correspondences:
-        """Those of the chosen points that are found in the areas that `guess` moves."""
+    def _search(self, current: Gray, guess: Homography, chosen: IdArray) -> Correspondences:
+        """Correspondences of those chosen points that are found around their positions under `guess`."""
         centres = self.reference_px[chosen]
-        maps = Maps.through(np.linalg.inv(guess), centres) if self._config.follow else Maps.standing(centres)
+        maps = (AffineMaps.linearized(np.linalg.inv(guess), centres) if self._config.follow else
+                AffineMaps.identity(centres))
         found = np.ones(len(centres), bool)
         for number, one in enumerate(self._passes):
-            shift = self._shifts(one.correlate(current, maps, chosen), one.side // (2 if number == 0 else _CLEAR_OF))
+            reach = one.side // (2 if number == 0 else _REACH_DIVISOR)
+            shift = self._peak_shifts(one.correlate(current, maps, chosen), reach)
             found &= np.isfinite(shift[:, len(one.offsets) // 2]).all(axis=1)
-            displacement, gradient = _field(shift, one.offsets)
-            maps = maps.moved(displacement, gradient)
-        sure = found & maps.inside(current, self._passes[-1].side)
-        return self._judged(current, maps[sure], chosen[sure], np.hypot(*displacement[sure].T))
+            displacement, gradient = _displacement_field(shift, one.offsets)
+            maps = maps.displaced(displacement, gradient)
+        usable = found & maps.inside(current, self._passes[-1].side)
+        return self._verified(current, maps[usable], chosen[usable], np.hypot(*displacement[usable].T))
 
-    def _shifts(self, planes: FloatArray, reach: int) -> FloatArray:
-        """(N, k, 2) px: the peaks of correlation planes (N, k, s, s) within `reach`; NaN where not clear."""
+    def _peak_shifts(self, planes: FloatArray, reach: int) -> FloatArray:
+        """Displacements (N, k, 2), px, of the peaks within `reach` of lag 0; NaN without a distinct peak."""
         n, k, side, _ = planes.shape
         low, high = side // 2 - reach, side // 2 + reach
         near = planes.reshape(n * k, side, side)[:, low:high, low:high]
@@ -180,23 +194,23 @@ class Fft:
         middle = np.where(clear[:, None, None], peaks.around(near, 3) / _overlap(lag_px, side), np.nan)
         return np.asarray((lag_px + _peaks.gaussian_2x3(middle)).reshape(n, k, 2))
 
-    def _judged(self, current: Gray, maps: Maps, chosen: IdArray, last_shift_px: FloatArray) -> Correspondences:
-        """Those of the chosen points that look like the reference where they were found."""
-        alike = _agreement.correlation(self._template[chosen], sample(current, maps, self._passes[-1].side))
-        good = alike >= self._config.min_correlation
-        kept, peak_px = chosen[good], np.hypot(_PEAK_PX, _OF_LAST_SHIFT * np.minimum(last_shift_px, _MOST_SHIFT_PX))
-        information = _agreement.information(self._template[kept], alike[good], self._structure[kept], _EXCESS,
+    def _verified(self, current: Gray, maps: AffineMaps, chosen: IdArray, last_shift_px: FloatArray) -> Correspondences:
+        """Correspondences of those chosen points whose areas correlate with the reference."""
+        correlation = _cramer_rao.correlation(self._template[chosen], sample(current, maps, self._passes[-1].side))
+        good = correlation >= self._config.min_correlation
+        kept, peak_px = chosen[good], np.hypot(_PEAK_PX, _LAST_SHIFT_SHARE * np.minimum(last_shift_px, _MAX_SHIFT_PX))
+        information = _cramer_rao.information(self._template[kept], correlation[good], self._structure[kept], _EXCESS,
                                              peak_px[good])
         return Correspondences(kept, self.reference_px[kept], maps.centres[good], information)
 
 
-def _largest_px(gray: Gray) -> int:
-    """An even third of the picture's shorter side, but no less than the smallest area."""
+def _max_side_px(gray: Gray) -> int:
+    """Largest side of an area, px: an even third of the image's shorter side, but at least the smallest area."""
     return max(2 * (int(min(gray.shape)) // 6), _SIDES[0])
 
 
-def _cut(gray: Gray, maps: Maps, side: int, offsets: FloatArray) -> FloatArray:
-    """(N, k, side, side) float64: the areas at the offsets, about their means."""
+def _mean_free_areas(gray: Gray, maps: AffineMaps, side: int, offsets: FloatArray) -> FloatArray:
+    """Areas (N, k, side, side) float64 at the offsets, with their means subtracted."""
     at = np.round(offsets).astype(np.int64)
     reach = int(np.abs(at).max(initial=0))
     wide = sample(gray, maps, side + 2 * reach)
@@ -204,15 +218,15 @@ def _cut(gray: Gray, maps: Maps, side: int, offsets: FloatArray) -> FloatArray:
     return np.asarray(areas - areas.mean(axis=(2, 3), keepdims=True), np.float64)
 
 
-def _inside(gray: Gray, maps: Maps, side: int, offsets: FloatArray) -> BoolArray:
-    """(N, k) bool: the areas lie wholly in the picture."""
-    places = maps.at(offsets)
+def _inside(gray: Gray, maps: AffineMaps, side: int, offsets: FloatArray) -> BoolArray:
+    """(N, k) bool: whether the areas lie completely inside the image."""
+    places = maps.apply_to(offsets)
     return np.stack([dataclasses.replace(maps, centres=places[:, k]).inside(gray, side) for k in range(len(offsets))],
                     axis=1)
 
 
 def _overlap(lag_px: IdArray, side: int) -> FloatArray:
-    """(N, 3, 3) share of two areas of `side` px that overlaps, at the lags about each of (N, 2)."""
+    """Overlap (N, 3, 3) of two areas of `side` px, as a share, at the lags around each of (N, 2)."""
     x, y = (1 - np.abs(lag_px[:, axis, None] + np.arange(-1, 2)) / side for axis in (0, 1))
     return np.asarray(np.maximum(y[:, :, None] * x[:, None, :], 1 / side**2))
 
@@ -221,12 +235,12 @@ def _power(areas: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("nkij,nkij->nk", areas, areas))
 
 
-def _field(shift: FloatArray, offsets: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Displacement (N, 2) px at the point and its gradient (N, 2, 2), from vectors (N, k, 2) at offsets (k, 2).
+def _displacement_field(shift: FloatArray, offsets: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Displacement (N, 2), px, at each point and its gradient (N, 2, 2): a linear fit to vectors (N, k, 2) at offsets.
 
-    Where too few of the vectors are known and agree, that of the point itself, and no gradient.
+    With too few valid vectors it is the displacement of the point itself and a gradient of 0.
     """
-    known = _agreeing(shift)
+    known = _median_test(shift)
     middle = np.nan_to_num(shift[:, len(offsets) // 2])
     enough = known.sum(axis=1) >= _FIELD_VECTORS
     design = np.column_stack([np.ones(len(offsets)), offsets])
@@ -237,8 +251,8 @@ def _field(shift: FloatArray, offsets: FloatArray) -> tuple[FloatArray, FloatArr
     return np.where(enough[:, None], plane[:, 0], middle), np.swapaxes(plane[:, 1:], 1, 2)
 
 
-def _agreeing(shift: FloatArray) -> BoolArray:
-    """(N, k) bool: the known vectors that are not off by the normalised median test (Westerweel and Scarano 2005)."""
+def _median_test(shift: FloatArray) -> BoolArray:
+    """(N, k) bool: the vectors that pass the normalized median test (Westerweel and Scarano 2005)."""
     known: BoolArray = np.isfinite(shift.sum(axis=2))
     vectors = np.where(known[:, :, None], shift, np.nan)
     vectors[~known.any(axis=1)] = 0.0

@@ -1,4 +1,4 @@
-"""Where patches are put: the best-textured places, spread evenly over what may be looked at."""
+"""Patch selection: the best-textured positions, spread evenly over the allowed region."""
 
 from __future__ import annotations
 
@@ -9,18 +9,23 @@ from stab_ros.core.kernels import BOOL, F32, I64, kernel, read
 from stab_ros.core.threads import in_parallel
 from stab_ros.core.types import BoolArray, FloatArray, Gray, IdArray
 
-_BORDER = 3  # px that the gradient and the interpolation reach beyond a patch
-_BAND_ROWS = 128  # of the picture, so that what is computed on the way stays in the processor's cache
+_BORDER = 3  # px that the gradient and the interpolation read outside a patch
+_BAND_ROWS = 128  # image rows processed together, so that intermediate results stay in the processor's cache
 _SOBEL_REACH = 1
 
 
 def texture(gray: Gray, radius: int) -> FloatArray:
-    """Mean squared gradient along the weaker direction of the window about each pixel: (h, w) float32.
+    """Smaller eigenvalue of the structure tensor (Shi and Tomasi 1994) at each pixel, grey levels^2 per px^2.
 
-    The smaller eigenvalue of the structure tensor (Shi and Tomasi 1994), grey levels^2 per px^2.
+    Args:
+        gray: (h, w) uint8.
+        radius: half the side of the window, px.
+
+    Returns:
+        (h, w) float32, the mean squared gradient in the window along its weaker direction.
     """
     side, height, reach = 2 * radius + 1, len(gray), radius + _SOBEL_REACH
-    per_sobel = 1.0 / (4 * side * 255)  # cv2's own scaling of its 3x3 Sobel for 8-bit pictures
+    per_sobel = 1.0 / (4 * side * 255)  # OpenCV's scaling of its 3x3 Sobel for 8-bit images
     unit = np.float32((1 / (8 * per_sobel * side)) ** 2)
     found = np.empty(gray.shape, np.float32)
 
@@ -35,9 +40,16 @@ def texture(gray: Gray, radius: int) -> FloatArray:
 
 
 def choose(gray: Gray, allowed: BoolArray, count: int, radius: int, least_texture: float) -> IdArray:
-    """Centres (n, 2) of at most `count` patches: the best-textured place of each cell of an even grid.
+    """Centres (n, 2) int64, px, of at most `count` patches: the best-textured position of each cell of a regular grid.
 
-    The cells are as large as lets `count` of them cover what `allowed` leaves.
+    The cell size is such that about `count` cells cover the allowed region.
+
+    Args:
+        gray: (h, w) uint8.
+        allowed: (h, w) bool, where centres may lie.
+        count: largest number of patches.
+        radius: half the side of a patch, px.
+        least_texture: minimum `texture` of a patch.
     """
     margin = radius + _BORDER
     usable = np.zeros(gray.shape, bool)
@@ -50,7 +62,7 @@ def choose(gray: Gray, allowed: BoolArray, count: int, radius: int, least_textur
 
 @kernel((read(F32, 2), read(BOOL, 2), I64))
 def _best_of_cells(score: FloatArray, usable: BoolArray, side: int) -> tuple[FloatArray, IdArray]:
-    """The best score of the usable places of each cell of side^2 px, row by row, and where it is (x, y); else 0."""
+    """The best score of the usable pixels of each cell of side^2 px, in row-major order, and its (x, y); 0 if none."""
     height, width = score.shape
     rows, columns = -(-height // side), -(-width // side)
     best, where = np.zeros(rows * columns, np.float32), np.zeros((rows * columns, 2), np.int64)
@@ -64,6 +76,6 @@ def _best_of_cells(score: FloatArray, usable: BoolArray, side: int) -> tuple[Flo
 
 
 def within(centres: IdArray, shape: tuple[int, ...], radius: int) -> IdArray:
-    """Those of the centres (n, 2) that keep as clear of the border of a picture of `shape` as those of `choose`."""
+    """The centres (n, 2) that are as far from the border of an image of `shape` as `choose` requires."""
     margin = radius + _BORDER
     return centres[((centres >= margin) & (centres < np.array(shape[1::-1]) - margin)).all(axis=1)]

@@ -1,17 +1,17 @@
-"""Structural similarity (SSIM) of kernels about manual or automatic points, over search areas that follow them.
+"""Structural similarity (SSIM) of kernels around manual or automatic points, over search areas that follow them.
 
-After SSIMS of Ljubicic et al. (2021, section 2.1.2). The kernel of a point is its interrogation area in the reference;
-its SSIM with each equal part of the search area makes a score map, whose maximum, refined by the Gaussian fitted to the
-scores about it, is where the point is. Maxima on the border of the map are not reported: the point may be beyond.
+After SSIMS of Ljubicic et al. (2021, section 2.1.2). The kernel of a point is its interrogation area in the reference.
+Its SSIM at each displacement within the search area gives a score map. The position of the point is the maximum of the
+map, refined by a Gaussian fitted to the scores around it. Maxima on the border of the map are rejected, because the
+point may lie outside.
 
-* "Areas follow": the search area is centred where the predicted homography puts the point, on whole pixels, so that
-  the frame is never interpolated.
-* "Kernel updating" for large rotation: the paper cuts new kernels from later frames, at the cost of errors that add
-  up. Here the kernel is rendered from the reference, turned and stretched as the predicted homography does there, so
-  that it looks as it should in the current frame, and nothing adds up.
-* The peak of a kernel's score map over its own surroundings does not lie exactly on itself, since the parts it is
-  compared with differ in contrast from side to side. What it misses is measured once, in the reference, and taken off.
-* "Expanding search": points that are not found are looked for again in search areas twice as large.
+* "Areas follow": the search area is centred on the point's position under the predicted homography, rounded to whole
+  pixels, so that the frame is never interpolated.
+* "Kernel updating" for large rotations: the paper cuts new kernels from later frames, so errors accumulate. Here the
+  kernel is resampled from the reference with the local affine part of the predicted homography, without accumulation.
+* The score map of a kernel over its own surroundings is not exactly symmetric, because the contrast of the surroundings
+  varies. The resulting bias of the peak is measured once, in the reference, and subtracted.
+* "Expanding search": missing points are searched again in areas twice as large.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ import numpy as np
 from stab_ros.core.errors import ConfigError
 from stab_ros.core.settings import Checked, setting
 from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray
-from stab_ros.methods import _agreement, _peaks, _places
-from stab_ros.methods._areas import Maps, sample
-from stab_ros.methods._second_look import looked_for_twice
-from stab_ros.methods._similarity import ssim_maps
+from stab_ros.methods import _cramer_rao, _layout, _peaks
+from stab_ros.methods._affine_windows import AffineMaps, sample
+from stab_ros.methods._guided_matching import guided_matches
+from stab_ros.methods._ssim_maps import ssim_maps
 
-# Errors of the points on the synthetic flights, beside the Cramer-Rao bound: so the chi-square per degree of freedom
-# is about 1.
+# Error terms besides the Cramer-Rao bound, calibrated on synthetic flights, so that chi-square per degree of freedom is
+# about 1.
 _EXCESS = 1.0
 _PEAK_PX = 0.02
 
@@ -39,17 +39,17 @@ _PEAK_PX = 0.02
 class SsimConfig(Checked):
     """Parameters `ssim.*`."""
 
-    points: int = setting(100, "number of points, if none are given", 4, 5000)
-    layout: str = setting("even", _places.LAYOUT_DOC, choices=_places.LAYOUTS)
-    area: int = setting(21, "side of the kernel, px, odd", 5, 101)
-    search: int = setting(41, "side of the search area, px, odd", 7, 255)
-    window: int = setting(7, "side of the windows whose similarity is averaged, px", 3, 101)
-    subpixel: int = setting(3, "side of the part of the score map the Gaussian is fitted to, odd", 3, 15)
-    update_kernels: bool = setting(True, "kernels are turned and stretched as the predicted motion says")
-    second_look: bool = setting(True, "points that are not found are looked for where the others say they are")
-    expand: bool = setting(False, "points that are not found are looked for in twice the search area")
-    min_score: float = setting(0.4, "a point with a lower similarity is left out", -1.0, 1.0)
-    min_texture: float = setting(0.5, "least mean squared gradient of a kernel, grey levels^2 per px^2", 0.01, 1e4)
+    points: int = setting(100, "Number of automatic points, if none are given", 4, 5000)
+    layout: str = setting("even", _layout.LAYOUT_DOC, choices=_layout.LAYOUTS)
+    area: int = setting(21, "Side of the kernel, odd, px", 5, 101)
+    search: int = setting(41, "Side of the search area, odd, px", 7, 255)
+    window: int = setting(7, "Side of the windows over which the similarity is averaged, px", 3, 101)
+    subpixel: int = setting(3, "Side of the neighbourhood of the peak to which the Gaussian is fitted, odd, px", 3, 15)
+    update_kernels: bool = setting(True, "Warp the kernels with the predicted motion")
+    second_look: bool = setting(True, "Search missing points again at the positions predicted from the points found")
+    expand: bool = setting(False, "Search missing points again in areas twice as large")
+    min_score: float = setting(0.4, "Minimum similarity of a point", -1.0, 1.0)
+    min_texture: float = setting(0.5, "Minimum mean squared gradient of a kernel, grey levels^2 per px^2", 0.01, 1e4)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -70,65 +70,70 @@ class Ssim:
 
     def __init__(self, reference: Gray, allowed: BoolArray, config: SsimConfig,
                  points_px: FloatArray = NO_POINTS) -> None:
-        """reference: (h, w) uint8. allowed: (h, w) bool, where points may be chosen. points_px: (n, 2), or none.
+        """Chooses the points and cuts their kernels.
 
-        Given points whose kernel does not fit into the picture are left out.
+        Args:
+            reference: (h, w) uint8.
+            allowed: (h, w) bool, where automatic points may lie.
+            config: parameters.
+            points_px: (n, 2), points given by the user, px; n = 0 for automatic ones. Points whose kernel is not
+                completely inside the image are left out.
         """
         self._config, self._reference, area = config, reference, config.area
-        centres = (_places.manual(points_px, area) if len(points_px) else
-                   _places.LAYOUT[config.layout](reference, allowed, config.points, area, area // 2 + 1,
+        centres = (_layout.user_points(points_px, area) if len(points_px) else
+                   _layout.LAYOUT[config.layout](reference, allowed, config.points, area, area // 2 + 1,
                                                  config.min_texture))
-        self.reference_px: FloatArray = centres[Maps.standing(centres).inside(reference, area)]
-        standing = Maps.standing(self.reference_px)
-        self._template = sample(reference, standing, area)
-        self._structure = _agreement.structure(self._template)
-        nearest = sample(reference, standing, area + 2 * (config.subpixel // 2))
-        self._miss_px = np.nan_to_num(_peaks.gaussian_fit(ssim_maps(self._template, nearest, config.window)))
+        self.reference_px: FloatArray = centres[AffineMaps.identity(centres).inside(reference, area)]
+        identity = AffineMaps.identity(self.reference_px)
+        self._template = sample(reference, identity, area)
+        self._structure = _cramer_rao.structure(self._template)
+        nearest = sample(reference, identity, area + 2 * (config.subpixel // 2))
+        self._bias_px = np.nan_to_num(_peaks.gaussian_fit(ssim_maps(self._template, nearest, config.window)))
 
     def match(self, current: Gray, guess: Homography, trust: FloatArray) -> Correspondences:
-        def look(H: Homography, chosen: IdArray) -> Correspondences:
-            return self._look(current, H, chosen)
+        def search(H: Homography, chosen: IdArray) -> Correspondences:
+            return self._search(current, H, chosen)
 
         if not self._config.second_look:
-            return look(guess, np.arange(len(self.reference_px)))
-        return looked_for_twice(look, guess, self.reference_px, current.shape[::-1], trust)
+            return search(guess, np.arange(len(self.reference_px)))
+        return guided_matches(search, guess, self.reference_px, current.shape[::-1], trust)
 
-    def _look(self, current: Gray, guess: Homography, chosen: IdArray) -> Correspondences:
-        """Those of the chosen points that are found in the search areas that `guess` moves."""
-        maps = Maps.through(np.linalg.inv(guess), self.reference_px[chosen])
+    def _search(self, current: Gray, guess: Homography, chosen: IdArray) -> Correspondences:
+        """Correspondences of those chosen points that are found around their positions under `guess`."""
+        maps = AffineMaps.linearized(np.linalg.inv(guess), self.reference_px[chosen])
         if not self._config.update_kernels:
-            maps = Maps.standing(maps.centres)
+            maps = AffineMaps.identity(maps.centres)
         found_px = self._located(current, maps, self._config.search, chosen)
         lost = np.flatnonzero(np.isnan(found_px[:, 0]))
         if self._config.expand and len(lost):
             found_px[lost] = self._located(current, maps[lost], 2 * self._config.search - 1, chosen[lost])
-        return self._judged(current, Maps(found_px, maps.shape), chosen)
+        return self._verified(current, AffineMaps(found_px, maps.linear), chosen)
 
-    def _located(self, current: Gray, maps: Maps, search: int, chosen: IdArray) -> FloatArray:
-        """(n, 2) px: where the chosen points are in the current frame; NaN where they are not found."""
-        start = maps.whole_pixels()
+    def _located(self, current: Gray, maps: AffineMaps, search: int, chosen: IdArray) -> FloatArray:
+        """Positions (n, 2), px, of the chosen points in the current frame; NaN where they are not found."""
+        start = maps.rounded()
         scores = ssim_maps(self._kernels(maps, chosen), sample(current, start, search), self._config.window)
         peaks = _peaks.highest(scores)
         near = peaks.around(scores, self._config.subpixel)
         lag_px = np.stack([peaks.column, peaks.row], axis=1) - scores.shape[1] // 2
-        miss_px = np.einsum("nij,nj->ni", maps.shape, self._miss_px[chosen])
-        found_px = start.centres + lag_px + _peaks.gaussian_fit(near) - miss_px
+        bias_px = np.einsum("nij,nj->ni", maps.linear, self._bias_px[chosen])
+        found_px = start.centres + lag_px + _peaks.gaussian_fit(near) - bias_px
         return np.where((peaks.height >= self._config.min_score)[:, None], found_px, np.nan)
 
-    def _kernels(self, maps: Maps, chosen: IdArray) -> FloatArray:
-        """(n, area, area) the chosen kernels as they should look in the current frame."""
+    def _kernels(self, maps: AffineMaps, chosen: IdArray) -> FloatArray:
+        """The chosen kernels (n, area, area), warped to the current frame."""
         if not self._config.update_kernels:
             return self._template[chosen]
-        flat = np.abs(np.linalg.det(maps.shape)) < 1e-6
-        shape = np.linalg.inv(np.where(flat[:, None, None], np.eye(2), maps.shape))
-        return sample(self._reference, Maps(self.reference_px[chosen], shape), self._config.area)
+        flat = np.abs(np.linalg.det(maps.linear)) < 1e-6
+        shape = np.linalg.inv(np.where(flat[:, None, None], np.eye(2), maps.linear))
+        return sample(self._reference, AffineMaps(self.reference_px[chosen], shape), self._config.area)
 
-    def _judged(self, current: Gray, found: Maps, chosen: IdArray) -> Correspondences:
-        """What was found of the chosen points, with the information its likeness to the reference leaves it."""
+    def _verified(self, current: Gray, found: AffineMaps, chosen: IdArray) -> Correspondences:
+        """Correspondences of the found points, with the information that follows from their correlation."""
         inside = found.inside(current, self._config.area)
         found, kept = found[inside], chosen[inside]
         template = self._template[kept]
-        alike = _agreement.correlation(template, sample(current, found, self._config.area))
+        correlation = _cramer_rao.correlation(template, sample(current, found, self._config.area))
         peak_px = np.full(len(kept), _PEAK_PX)
-        information = _agreement.information(template, alike, self._structure[kept], _EXCESS, peak_px)
+        information = _cramer_rao.information(template, correlation, self._structure[kept], _EXCESS, peak_px)
         return Correspondences(kept, self.reference_px[kept], found.centres, information)

@@ -1,4 +1,4 @@
-"""How still a stabilised picture stands: RMSD, displacement, RMSE of homologous points, velocity fields.
+"""Measures of stabilization accuracy: RMSD and displacement, RMSE of homologous points, residual velocity fields.
 
-Each measure is one file, in the same inner ring as `core`: arrays in, numbers out.
+One file per measure: arrays in, numbers out.
 """

@@ -1,6 +1,6 @@
-"""Where a verification point may stand: R^2 of d(RMSD), Eq. 3 of Ljubicic et al. (2021), all over a picture at once.
+"""Map of R^2 of d(RMSD), Eq. 3 of Ljubicic et al. (2021), over a whole image: candidates for verification points.
 
-A first choice, on a grid of 4 px, from shifts by whole pixels alone: those cost no more than a subtraction.
+An approximation on a grid of 4 px that uses shifts by whole pixels only, which need no interpolation.
 """
 
 from __future__ import annotations
@@ -12,20 +12,26 @@ from stab_ros.core.types import BoolArray, FloatArray, Gray, IdArray
 from stab_ros.metrics.calibration import coefficients, determination
 
 _STEP_PX = 4
-# (dx, dy): up to 5 px, in four directions; the opposite ones would say the same
-_PROBES_PX = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 2), (2, -2), (3, 0), (0, 3), (4, 4), (4, -4), (5, 0), (0, 5))
-_APART = 5  # grid steps over which a candidate is the best
+# (dx, dy), up to 5 px in four directions; opposite directions give the same RMSD
+_TEST_SHIFTS_PX = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 2), (2, -2), (3, 0), (0, 3), (4, 4), (4, -4), (5, 0), (0, 5))
+_PEAK_WINDOW = 5  # side of the window of the peak detection, grid steps
 
 
-def candidates(reference: Gray, possible: BoolArray, window_px: int, noise_sigma: float, cell_px: float,
+def candidates(reference: Gray, allowed: BoolArray, window_px: int, noise_sigma: float, cell_px: float,
                per_cell: int) -> IdArray:
-    """(n, 2) pixels, x then y: where `quality` has its highest peaks, at most `per_cell` in any cell of `cell_px`.
+    """Pixels (n, 2) int64, x and y, of the highest peaks of `quality`, at most `per_cell` in each cell of `cell_px`.
 
-    reference: (h, w) uint8. possible: (h, w) bool, where a candidate may lie.
+    Args:
+        reference: (h, w) uint8.
+        allowed: (h, w) bool, where a candidate may lie.
+        window_px: side of the RMSD window.
+        noise_sigma: standard deviation of the noise of the reference, grey levels.
+        cell_px: side of the cells.
+        per_cell: largest number of candidates per cell.
     """
     found = quality_map(reference, window_px, noise_sigma)
-    found[~_on_grid(possible)] = 0
-    highest = (found > 0) & (found >= cv2.dilate(found, np.ones((_APART, _APART), np.uint8)))
+    found[~_on_grid(allowed)] = 0
+    highest = (found > 0) & (found >= cv2.dilate(found, np.ones((_PEAK_WINDOW, _PEAK_WINDOW), np.uint8)))
     row, column = np.nonzero(highest)
     order = np.argsort(-found[row, column], kind="stable")
     places = np.stack([column, row], axis=1)[order] * _STEP_PX + _STEP_PX // 2
@@ -33,24 +39,27 @@ def candidates(reference: Gray, possible: BoolArray, window_px: int, noise_sigma
 
 
 def quality(r2: FloatArray | float, strength: FloatArray | float, noise_sigma: float) -> FloatArray:
-    """R^2, less where a displacement of 1 px makes a RMSD (`strength`, grey levels) that noise and rounding reach."""
+    """R^2, reduced where the RMSD of a displacement of 1 px (`strength`, grey levels) is close to the noise."""
     square = np.square(strength)
     return np.asarray(r2 * square / (square + 2 + 2 * noise_sigma**2))
 
 
 def quality_map(reference: Gray, window_px: int, noise_sigma: float) -> FloatArray:
-    """(h // 4, w // 4) float32, for windows about the pixels (4 i + 2, 4 j + 2)."""
-    rmsd = np.stack([_rmsd(reference, probe, window_px, noise_sigma) for probe in _PROBES_PX])
-    shift_px = np.hypot(*np.array(_PROBES_PX, np.float32).T)
+    """`quality` (h // 4, w // 4) float32 of windows centred on the pixels (4 i + 2, 4 j + 2).
+
+    reference: (h, w) uint8. window_px: side of the window. noise_sigma: of the reference, grey levels.
+    """
+    rmsd = np.stack([_rmsd(reference, test_shift, window_px, noise_sigma) for test_shift in _TEST_SHIFTS_PX])
+    shift_px = np.hypot(*np.array(_TEST_SHIFTS_PX, np.float32).T)
     a, b = coefficients(shift_px, rmsd)
     strength = rmsd[:2].mean(axis=0)
     return quality(determination(a, b, shift_px, rmsd), strength, noise_sigma).astype(np.float32)
 
 
-def _rmsd(reference: Gray, probe_px: tuple[int, int], window_px: int, noise_sigma: float) -> FloatArray:
-    """(h // 4, w // 4) float32: RMSD against the picture shifted by `probe_px`, free of noise."""
+def _rmsd(reference: Gray, test_shift_px: tuple[int, int], window_px: int, noise_sigma: float) -> FloatArray:
+    """RMSD (h // 4, w // 4) float32 against the image shifted by `test_shift_px`, corrected for noise."""
     height, width = (n // _STEP_PX * _STEP_PX for n in reference.shape)
-    (dx, dy), square = probe_px, np.zeros((height, width), np.uint16)
+    (dx, dy), square = test_shift_px, np.zeros((height, width), np.uint16)
     here, there = (reference[max(s * dy, 0) : height + min(s * dy, 0), max(s * dx, 0) : width + min(s * dx, 0)]
                    for s in (1, -1))
     difference = cv2.absdiff(here, there)
@@ -68,7 +77,7 @@ def _on_grid(mask: BoolArray) -> BoolArray:
 
 
 def _rank_in_cell(cell: FloatArray) -> IdArray:
-    """(n,) how many earlier places lie in the same cell (n, 2)."""
+    """Number (n,) of earlier entries in the same cell (n, 2)."""
     _, number = np.unique(cell, axis=0, return_inverse=True)
     order = np.argsort(number.ravel(), kind="stable")
     sorted_number = number.ravel()[order]

@@ -1,4 +1,4 @@
-"""Windows that follow a known shift: what then still differs is no displacement."""
+"""Windows that are moved by a known displacement, so that the remaining difference is not due to displacement."""
 
 from __future__ import annotations
 
@@ -7,13 +7,19 @@ import numpy as np
 from stab_ros.core.types import BoolArray, FloatArray, Gray, IdArray
 from stab_ros.metrics.rmsd import cut
 
-_REACH_PX = 4  # taps of the interpolation to either side
+_REACH_PX = 4  # radius of the interpolation kernel
 
 
 def follow(image: Gray, centres_px: IdArray, window_px: int, shifts_px: FloatArray) -> FloatArray:
-    """(P, N, N) float64: the windows of `image` (h, w) about `centres_px + shifts_px`, (P, 2) each, x then y.
+    """Windows (P, N, N) float64 of an image about `centres_px + shifts_px`, interpolated by a Lanczos kernel.
 
-    Interpolated by a windowed sinc; NaN where there is no shift (NaN), or where the window would leave the picture.
+    NaN where the shift is NaN or the window is not completely inside the image.
+
+    Args:
+        image: (h, w) uint8.
+        centres_px: (P, 2), x and y.
+        window_px: N, odd.
+        shifts_px: (P, 2), x and y.
     """
     windows = np.full((len(centres_px), window_px, window_px), np.nan)
     whole = np.floor(np.nan_to_num(shifts_px)).astype(np.int64)
@@ -32,7 +38,7 @@ def _fits(centres_px: IdArray, window_px: int, image: Gray) -> BoolArray:
 
 
 def _taps(fraction: FloatArray, window_px: int) -> FloatArray:
-    """(P, N, N + 2 reach): rows that interpolate `fraction` (P,) in [0, 1) of a pixel further on."""
+    """Interpolation matrices (P, N, N + 2 radius) for a shift by `fraction` (P,) of a pixel, in [0, 1)."""
     row, column = np.arange(window_px)[:, None], np.arange(window_px + 2 * _REACH_PX)
     distance = (column - row - _REACH_PX) - fraction[:, None, None]
     taps = np.where(np.abs(distance) < _REACH_PX, np.sinc(distance) * np.sinc(distance / _REACH_PX), 0.0)
@@ -40,7 +46,7 @@ def _taps(fraction: FloatArray, window_px: int) -> FloatArray:
 
 
 def kept_share(shifts_px: FloatArray) -> FloatArray:
-    """(P,): the variance that white noise keeps in the windows of `follow`; NaN where there is no shift."""
+    """Share (P,) of the variance of white noise after the interpolation of `follow`; NaN where the shift is NaN."""
     fraction = shifts_px - np.floor(shifts_px)
     known = np.nan_to_num(fraction)
     squares = [np.square(_taps(known[:, axis], 1)).sum(axis=(1, 2)) for axis in (0, 1)]

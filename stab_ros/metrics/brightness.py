@@ -1,4 +1,4 @@
-"""Brightness of the same windows in two pictures: RMSD takes a change for motion, so it is measured and matched."""
+"""Brightness change between two images: it would count as motion in RMSD, so it is measured and compensated."""
 
 from __future__ import annotations
 
@@ -11,21 +11,28 @@ from stab_ros.core.types import FloatArray
 
 @dataclass(frozen=True)
 class Brightness:
-    """`b = gain a + offset` for grey levels a and b of two pictures; change: of the mean level, relative to it."""
+    """Brightness change `b = gain * a + offset` between the grey levels a and b of two images.
+
+    Attributes:
+        gain: dimensionless.
+        offset: grey levels.
+        change: relative change of the mean grey level.
+    """
 
     gain: float
     offset: float
     change: float
 
     def matched(self, windows: FloatArray) -> FloatArray:
-        """Windows of the second picture as bright as those of the first."""
+        """Windows of the second image with the brightness of the first."""
         return np.asarray((windows - self.offset) / self.gain)
 
 
 def brightness(a: FloatArray, b: FloatArray) -> Brightness:
-    """From the same windows, (P, N, N), of two pictures, P > 0; medians, so that a moving window does not matter.
+    """Brightness change between the same windows (P, N, N), P > 0, of two images; medians over the windows.
 
-    The gain is what spread and mean agree on: blur lowers the spread alone, a shadow or haze the mean alone.
+    The gain is limited to the range that both contrast and mean support: blur lowers only the contrast, a shadow or
+    haze only the mean.
     """
     mean_a, mean_b = a.mean(axis=(1, 2)), b.mean(axis=(1, 2))
     change = float(np.median(mean_b / np.maximum(mean_a, 1.0))) - 1

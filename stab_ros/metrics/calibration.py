@@ -1,37 +1,39 @@
-"""From RMSD to displacement: the polynomial of Ljubicic et al. (2021), Eq. 3, fitted at a point of the reference."""
+"""From RMSD to displacement: the polynomial d(RMSD) of Ljubicic et al. (2021), Eq. 3, fitted at a point."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from stab_ros.core.types import FloatArray, Gray, IdArray
-from stab_ros.metrics._sweep import SHIFTS_PX, Sweep
+from stab_ros.core.types import FloatArray
+from stab_ros.metrics._shift_response import SHIFTS_PX
 
-FIT_TO_PX = 5.0  # the paper: a second-degree polynomial fits up to 4 to 5 px
-_FADING_FROM_PX, _FADING = 4.25, 0.8  # by so much a px less count the last shifts, where it fits worst
-_UNSURE_PX = 0.02  # a shift as short as that does not tell its direction
-_FEWEST = 3  # shifts to fit, however soon RMSD stops rising
+FIT_TO_PX = 5.0  # according to the paper, a second-degree polynomial fits up to 4 to 5 px
+_FADE_START_PX, _FADE_PER_PX = 4.25, 0.8  # the weight of larger shifts, where the fit is worst, decreases
+_DIRECTION_NOISE_PX = 0.02  # error of a measured displacement, which makes the direction of a small one uncertain
+_MIN_SHIFTS = 3  # in the fit, even if RMSD stops rising earlier
 _FLAT = 0.01  # RMSD, grey levels
-_PLATEAU = 0.95  # of the largest RMSD: beyond, the curve is too flat to read a displacement from it
-_TOLERABLE_SHARE, _TOLERABLE_PX = 0.15, 0.05  # of a displacement, whichever is more: what the fit may be off by
+_PLATEAU = 0.95  # of the largest RMSD; above, the curve is too flat to determine a displacement
+_TOLERANCE_SHARE, _TOLERANCE_PX = 0.15, 0.05  # accepted error of the fit: share of the displacement, or px if larger
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """Eq. 3 at one point: d = a RMSD^2 + b RMSD, px, with RMSD in grey levels; a, b >= 0, so d never falls.
+    """Eq. 3 at one point: d = a RMSD^2 + b RMSD, px, with RMSD in grey levels.
 
-    by_direction: a and b of Eq. 3 for shifts at 0, 45, 90 and 135 degrees alone; empty: a and b for all directions.
-    r2: coefficient of determination over all shifts and directions up to `FIT_TO_PX`. range_px: the largest
-    displacement that can be told; beyond, RMSD hardly rises any more, or falls. window_px: N of the windows it holds
-    for. range_rmsd: the RMSD that a displacement by `range_px` makes.
+    Attributes:
+        a, b: coefficients, not negative, so that d increases with RMSD.
+        r2: coefficient of determination over all shifts and directions up to `FIT_TO_PX`.
+        range_px: largest measurable displacement; beyond it, RMSD hardly rises, or falls.
+        window_px: N of the windows.
+        range_rmsd: RMSD of a displacement by `range_px`, grey levels.
+        by_direction: a and b for shifts at 0, 45, 90 and 135 degrees; empty if the same for all directions.
 
     Raises:
-        ValueError: coefficients or a range of no rising polynomial.
+        ValueError: coefficients or a range that do not define an increasing polynomial.
     """
 
     a: float
@@ -48,85 +50,70 @@ class Calibration:
                              "and not all 0")
 
     def displacement_px(self, rmsd: FloatArray | float) -> FloatArray:
-        """Same shape as `rmsd` (grey levels): the displacement, px, never above `range_px`; NaN stays NaN."""
+        """Displacement, px, for `rmsd` (any shape, grey levels), at most `range_px`; NaN for NaN."""
         return np.minimum(self._polynomial(rmsd), self.range_px)
 
     def beyond(self, rmsd: FloatArray | float) -> Any:
-        """Same shape as `rmsd`, bool: it is larger than a displacement within `range_px` makes it."""
+        """Bool, of the shape of `rmsd`: whether it is larger than for a displacement by `range_px`."""
         return (self._polynomial(rmsd) > self.range_px) | (np.asarray(rmsd) > self.range_rmsd)
 
     def displacement_towards_px(self, rmsd: float, moved_px: FloatArray) -> float:
-        """As `displacement_px`, for a window whose content moved about in the direction of `moved_px` (2,), x then y.
+        """As `displacement_px`, for a displacement in the direction of `moved_px` (2,), x and y, if that is known.
 
-        Where that is not known (0, NaN), as there.
+        rmsd: grey levels. moved_px: 0 or NaN if not known.
         """
-        in_any = float(self.displacement_px(rmsd))
+        isotropic_px = float(self.displacement_px(rmsd))
         length_px = float(np.hypot(*moved_px))
-        along_px = np.array([a * rmsd * rmsd + b * rmsd for a, b in self.by_direction])
-        if not (len(along_px) and in_any > 0 and length_px > 0 and (along_px > 0).all()):  # NaN compares false
-            return in_any
-        sure = length_px**2 / (length_px**2 + _UNSURE_PX**2)
-        return min(_at_angle(along_px, math.atan2(moved_px[1], moved_px[0]), sure), self.range_px)
+        axis_px = np.array([a * rmsd * rmsd + b * rmsd for a, b in self.by_direction])
+        if not (len(axis_px) and isotropic_px > 0 and length_px > 0 and (axis_px > 0).all()):  # NaN compares false
+            return isotropic_px
+        certainty = length_px**2 / (length_px**2 + _DIRECTION_NOISE_PX**2)
+        return min(_displacement_at_angle(axis_px, math.atan2(moved_px[1], moved_px[0]), certainty), self.range_px)
 
     def _polynomial(self, rmsd: FloatArray | float) -> FloatArray:
         values = np.asarray(rmsd, np.float64)
         return np.asarray(self.a * values * values + self.b * values)
 
 
-def _at_angle(along_px: FloatArray, angle: float, sure: float) -> float:
-    """Between the displacements (4,) along 0, 45, 90 and 135 degrees that make one RMSD; `sure` 0: their mean.
+def _displacement_at_angle(axis_px: FloatArray, angle: float, certainty: float) -> float:
+    """Displacement in the direction `angle`, rad, from those (4,) along 0, 45, 90 and 135 degrees with the same RMSD.
 
-    RMSD^2 is d^2 times a quadratic form of the direction (the structure tensor), so 1 / d^2 varies with 2 `angle`.
+    RMSD^2 is d^2 times a quadratic form of the direction (the structure tensor), so 1 / d^2 varies with 2 `angle`. It
+    tends to the mean over the directions as `certainty` tends to 0.
     """
-    s0, s45, s90, s135 = s = 1 / along_px**2
+    s0, s45, s90, s135 = s = 1 / axis_px**2
     varying = ((s0 - s90) / 2 * math.cos(2 * angle) + (s45 - s135) / 2 * math.sin(2 * angle)
                + (s0 - s45 + s90 - s135) / 4 * math.cos(4 * angle))
-    return float(np.clip(s.mean() + sure * varying, s.min(), s.max()) ** -0.5)
+    return float(np.clip(s.mean() + certainty * varying, s.min(), s.max()) ** -0.5)
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """What was fitted: the RMSD (M,), grey levels, that shifts by `shift_px` (M,) make, mean over the directions."""
+    """The calibration curve: RMSD (M,), grey levels, mean over the directions, for shifts by `shift_px` (M,)."""
 
     shift_px: FloatArray
     rmsd: FloatArray
 
     @property
     def strength(self) -> float:
-        """The RMSD that a displacement of 1 px makes, grey levels."""
+        """RMSD of a displacement by 1 px, grey levels."""
         return float(np.interp(1.0, self.shift_px, self.rmsd))
 
 
-def calibrate(reference: Gray, centre_px: Sequence[int] | IdArray, window_px: int,
-              noise_sigma: float) -> tuple[Calibration, Curve]:
-    """Eq. 3 for the window of `window_px` (odd) about `centre_px` (x, y) of `reference` (h, w) uint8.
 
-    noise_sigma: of the reference, grey levels. Beyond the picture's border it is taken to be mirrored.
+def fit_calibration(rmsd: FloatArray, window_px: int) -> tuple[Calibration, Curve]:
+    """Calibration and curve from the RMSD (shifts, directions), grey levels, of a `ShiftResponse`.
 
     Raises:
-        ValueError: an even window, one that leaves the picture, or one without any texture.
-    """
-    half = window_px // 2
-    x, y = (int(c) for c in centre_px)
-    height, width = reference.shape
-    if window_px % 2 == 0 or not (half <= x < width - half and half <= y < height - half):
-        raise ValueError(f"the window of {window_px} px about ({x}, {y}) must be odd and inside {width}x{height} px")
-    return fitted(Sweep(reference, noise_sigma).rmsd((x, y), [window_px])[0], window_px)
-
-
-def fitted(rmsd: FloatArray, window_px: int) -> tuple[Calibration, Curve]:
-    """Calibration and curve from `rmsd` (shifts, directions) of a `Sweep`.
-
-    Raises:
-        ValueError: a shift changes nothing.
+        ValueError: a window without texture.
     """
     curve = Curve(SHIFTS_PX, rmsd.mean(axis=1))
-    end = _end_of_rise(curve.rmsd)
+    end = _last_rising(curve.rmsd)
     if is_flat(rmsd):
         raise ValueError("a window without texture: a shift changes nothing in it")
-    used = max(_FEWEST, min(end, int(np.searchsorted(SHIFTS_PX, FIT_TO_PX))) + 1)
+    used = max(_MIN_SHIFTS, min(end, int(np.searchsorted(SHIFTS_PX, FIT_TO_PX))) + 1)
     a, b = (float(c) for c in coefficients(SHIFTS_PX[:used], curve.rmsd[:used]))
-    half = rmsd.shape[1] // 2  # opposite directions make nearly the same RMSD
+    half = rmsd.shape[1] // 2  # opposite directions have nearly the same RMSD
     of_directions = coefficients(SHIFTS_PX[:used], (rmsd[:used, :half] + rmsd[:used, half:]) / 2)
     by_direction = tuple((float(one), float(other)) for one, other in zip(*of_directions, strict=True))
     r2 = float(determination(a, b, np.repeat(SHIFTS_PX[:used], rmsd.shape[1]), rmsd[:used].ravel()))
@@ -134,18 +121,19 @@ def fitted(rmsd: FloatArray, window_px: int) -> tuple[Calibration, Curve]:
 
 
 def is_flat(rmsd: FloatArray) -> bool:
-    """Whether shifts change nothing but the rounding of the arithmetic: there is nothing to calibrate."""
+    """Whether shifts have no effect beyond rounding errors, so that there is nothing to calibrate."""
     return bool(rmsd.max() < _FLAT)
 
 
 def coefficients(shift_px: FloatArray, rmsd: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """A and b of Eq. 3, neither negative, for RMSD (S, ...) of shifts by `shift_px` (S,); (...) each, 0 for no RMSD.
+    """Non-negative coefficients a and b (...) of Eq. 3 for RMSD (S, ...) of shifts by `shift_px` (S,); 0 without RMSD.
 
-    Least squares in which a misfit counts by what is tolerable at that displacement, so that small ones are right too.
+    Weighted least squares. The weight is the inverse square of the accepted error at each displacement, so that small
+    displacements are accurate, too.
     """
     d = shift_px.reshape(-1, *[1] * (rmsd.ndim - 1))
-    fading = np.clip(1 - _FADING * (d - _FADING_FROM_PX), 0, 1)
-    weight = fading / np.maximum(_TOLERABLE_SHARE * d, _TOLERABLE_PX) ** 2
+    fade = np.clip(1 - _FADE_PER_PX * (d - _FADE_START_PX), 0, 1)
+    weight = fade / np.maximum(_TOLERANCE_SHARE * d, _TOLERANCE_PX) ** 2
     m2, m3, m4 = (np.sum(weight * rmsd**n, axis=0) for n in (2, 3, 4))
     d1, d2 = (np.sum(weight * d * rmsd**n, axis=0) for n in (1, 2))
     determinant = m4 * m2 - m3 * m3
@@ -156,19 +144,19 @@ def coefficients(shift_px: FloatArray, rmsd: FloatArray) -> tuple[FloatArray, Fl
 
 
 def determination(a: FloatArray | float, b: FloatArray | float, shift_px: FloatArray, rmsd: FloatArray) -> FloatArray:
-    """(...) R^2 of Eq. 3 with a and b (...) for RMSD (S, ...) of shifts by `shift_px` (S,)."""
+    """Coefficient of determination (...) of Eq. 3 with a and b (...) for RMSD (S, ...) of shifts `shift_px` (S,)."""
     d = shift_px.reshape(-1, *[1] * (rmsd.ndim - 1))
     misfit = np.sum((d - a * rmsd**2 - b * rmsd) ** 2, axis=0)
     return np.asarray(1 - misfit / np.sum((d - d.mean()) ** 2))
 
 
 def _ratio(above: FloatArray, below: FloatArray) -> FloatArray:
-    """0 where both are."""
+    """Quotient; 0 where `below` is not positive."""
     return np.asarray(above / np.where(below > 0, below, np.inf))
 
 
-def _end_of_rise(rmsd: FloatArray) -> int:
-    """Index of the last shift up to which RMSD rises, and by enough to be read."""
+def _last_rising(rmsd: FloatArray) -> int:
+    """Index of the last shift before the curve reaches its plateau or falls."""
     falls = np.flatnonzero(np.diff(rmsd) <= 0)
     highest = int(falls[0]) if len(falls) else len(rmsd) - 1
     return int(np.flatnonzero(rmsd >= _PLATEAU * rmsd[highest])[0])

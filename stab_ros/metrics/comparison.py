@@ -1,4 +1,4 @@
-"""The windows of one picture against the same windows of another: RMSD, and the displacement that it stands for."""
+"""Windows of one image against the same windows of another one: RMSD and the displacement that explains it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,14 @@ from stab_ros.metrics.verification import VerificationPoint
 
 @dataclass(frozen=True, eq=False)
 class PointComparison:
-    """For P points, NaN where a window could not be used. beyond: (P,) bool, past the range of d(RMSD)."""
+    """Comparison at P points.
+
+    Attributes:
+        rmsd: (P,) grey levels; NaN where a window is not usable.
+        displacement_px: (P,); NaN where a window is not usable.
+        beyond: (P,) bool, whether the displacement exceeds the range of d(RMSD).
+        brightness_change: relative change of the mean grey level.
+    """
 
     rmsd: FloatArray
     displacement_px: FloatArray
@@ -26,19 +33,28 @@ class PointComparison:
 
 def compare(points: Sequence[VerificationPoint], before: FloatArray, after: FloatArray, followed: FloatArray,
             moved_px: FloatArray, usable: BoolArray, noise_variance: FloatArray) -> PointComparison:
-    """Windows (P, N, N) of two pictures: `before`, `after` in the same place, and `followed`, after the shift (or NaN).
+    """RMSD (Ljubicic et al. 2021, Eq. 2) and displacement (Eq. 3) of the windows of two images.
 
-    moved_px: (P, 2) that shift. noise_variance: (P,) of both together, grey levels^2. RMSD is Eq. 2 of Ljubicic et al.
-    2021. For the displacement, Eq. 3, the brightness is matched first, and what no displacement explains is taken out
-    of RMSD^2.
+    For the displacement, the brightness is matched first, and the part of RMSD^2 that no displacement explains is
+    subtracted.
+
+    Args:
+        points: P verification points.
+        before: (P, N, N) windows of the first image.
+        after: (P, N, N) windows of the second image at the same positions.
+        followed: (P, N, N) windows of the second image moved by `moved_px`; NaN where that is not known.
+        moved_px: (P, 2) displacement, x and y.
+        usable: (P,) bool.
+        noise_variance: (P,) noise variance of the difference of both images, grey levels^2.
     """
     count = len(points)
     found = PointComparison(np.full(count, np.nan), np.full(count, np.nan), np.zeros(count, bool), 0.0)
     if not usable.any():
         return found
     light = brightness(before[usable], after[usable])
-    unexplained = _unexplained(rmsd(before, light.matched(followed)) ** 2, kept_share(moved_px), noise_variance)
-    moved = np.sqrt(np.maximum(rmsd(before, light.matched(after)) ** 2 - unexplained, 0))
+    left = rmsd(before, light.matched(followed)) ** 2
+    residual_variance = _residual_variance(left, kept_share(moved_px), noise_variance)
+    moved = np.sqrt(np.maximum(rmsd(before, light.matched(after)) ** 2 - residual_variance, 0))
     found.rmsd[usable] = rmsd(before, after)[usable]
     for i in np.flatnonzero(usable).tolist():
         calibration = points[i].calibration
@@ -47,12 +63,12 @@ def compare(points: Sequence[VerificationPoint], before: FloatArray, after: Floa
     return PointComparison(found.rmsd, found.displacement_px, found.beyond, light.change)
 
 
-def _unexplained(left: FloatArray, kept: FloatArray, noise_variance: FloatArray) -> FloatArray:
-    """(P,) grey levels^2: what differs without any displacement.
+def _residual_variance(left: FloatArray, kept: FloatArray, noise_variance: FloatArray) -> FloatArray:
+    """Mean square difference (P,), grey levels^2, that is not due to displacement.
 
-    It is what is `left` where the content was followed, and what noise the following has averaged out. The gauge
-    takes the finest texture for noise, so there is never more noise than `left` has room for. Where the content
-    could not be followed (NaN), the gauge is all there is.
+    It is the difference `left` after the displacement is compensated, plus the noise that the interpolation has
+    averaged out. The noise measurement includes the finest texture, so the noise is limited to what `left` allows.
+    Without a known displacement (NaN), it is the measured noise.
     """
     after = np.minimum(noise_variance / 2, left / (1 + kept))
     return np.asarray(np.where(np.isfinite(left), left + after * (1 - kept), noise_variance))

@@ -1,10 +1,10 @@
-"""Shifts of interrogation areas by FFT cross-correlation, as particle image velocimetry measures them.
+"""Displacements of interrogation areas by FFT cross-correlation, as in particle image velocimetry (PIV).
 
-After PIVlab (Thielicke and Stamhuis 2014), which Ljubicic et al. 2021, 2.5.1, use: several passes, the window offset
-by what is known already, and a Gaussian through the points about the peak. Two things are different. Between the passes
-the picture is not interpolated: the window function moves by the fraction of a pixel instead, so that both windows hold
-the same content, whatever the shift. And the spectra are band-passed, so that slow changes of light, and what
-interpolation and sensor do to the finest detail, have little say.
+After PIVlab (Thielicke and Stamhuis 2014), which Ljubicic et al. (2021, section 2.5.1) use: several passes with window
+offset, and a Gaussian peak fit. Two things differ. The image is not interpolated between passes; instead the window
+function moves by the fraction of a pixel, so that both windows contain the same content at any displacement. And the
+spectra are band-passed, which down-weights slow changes of illumination and the finest detail that interpolation and
+sensor distort.
 """
 
 from __future__ import annotations
@@ -18,33 +18,40 @@ from numpy.typing import NDArray
 
 from stab_ros.core.types import BoolArray, FloatArray, Gray, IdArray
 
-MARGIN_PX = 8  # areas keep this distance from the border, so that their content may move outwards
+MARGIN_PX = 8  # distance of areas from the border, so that their content may move outwards
 _SMALLEST_PX = 16
 _TAPER = 0.5  # share of the window in which it rises and falls
-_HIGH_PASS_PX, _LOW_PASS_PX = 4.0, 1.0  # sigmas of the Gaussians that are taken off, and applied
-_MIN_TEXTURE = 0.2  # (grey levels/px)^2, mean square slope in the weaker direction; noise of 2 grey levels makes half
-_MIN_CORRELATION = 0.6  # moving water, frames later, stays below
-_MIN_FIRST_CORRELATION = 0.2  # while the windows do not hold the same content yet
+_HIGH_PASS_PX, _LOW_PASS_PX = 4.0, 1.0  # standard deviations of the Gaussians of the band-pass
+_MIN_TEXTURE = 0.2  # (grey levels/px)^2, mean square gradient in the weaker direction; twice that of 2 levels of noise
+_MIN_CORRELATION = 0.6  # moving water is below, a few frames later
+_MIN_FIRST_CORRELATION = 0.2  # in the first pass, where the windows overlap only partly
 _MIN_PEAK_RATIO = 1.3
-_PEAK_RADIUS_PX = 5  # farther away, the correlation belongs to another peak
-_PASSES = 4  # after the first, at most
-_LAST_STEP_PX = 0.02  # a step leaves about a twentieth of itself as error
-_CHUNK = 64  # areas that are worked on at once, which bounds the memory
+_PEAK_RADIUS_PX = 5  # exclusion radius for the second peak
+_PASSES = 4  # largest number after the first
+_LAST_STEP_PX = 0.02  # convergence; the remaining error is about a twentieth of the last step
+_CHUNK = 64  # areas processed at once, which limits the memory
 _LAGS = np.arange(-1, 2)
 
 
 class Correlator:
-    """Finds n square areas of a reference in one picture after the other.
+    """Measures the displacements of n square areas of a reference in other images.
 
-    areas_px: (n, 2) int64, the centres really used: areas near the border are moved inwards.
-    window_px: their width; less than asked for in pictures too small for it.
+    Attributes:
+        shape: (h, w) of the reference.
+        areas_px: (n, 2) int64, centres; areas near the border are moved inwards.
+        window_px: side of the areas; smaller than requested if the image is too small.
     """
 
     def __init__(self, reference: Gray, centres_px: IdArray, window_px: int = 64) -> None:
-        """reference: (h, w) uint8. centres_px: (n, 2), x then y, px. window_px: even, 16 or more.
+        """Computes the spectra of the areas.
+
+        Args:
+            reference: (h, w) uint8.
+            centres_px: (n, 2), x and y.
+            window_px: side of the areas, even, at least 16.
 
         Raises:
-            ValueError: arrays of another shape or dtype, or another window.
+            ValueError: wrong shape, dtype or window.
         """
         _check(reference, centres_px, window_px)
         size = np.array(reference.shape[::-1])
@@ -56,17 +63,21 @@ class Correlator:
         self._search = _Search(reference, self.areas_px, self.window_px // 16) if self._areas else None
 
     def shifts(self, current: Gray, usable: BoolArray | None = None, valid: BoolArray | None = None) -> FloatArray:
-        """(n, 2) float64, u and v in px: where the reference's content lies in `current`, minus where it lay.
+        """Displacements (n, 2) float64, u and v in px, of the reference's content in `current`.
 
-        NaN where there is no clear peak: too little texture, low correlation, or a second peak nearly as high.
-        usable: (n,) bool, the areas to look for. valid: (h, w) bool, the part of `current` that is a picture; areas
-        that it cuts, where they were or where they are found, get NaN.
+        NaN where there is no distinct peak: too little texture, low correlation, or a second peak nearly as high.
+
+        Args:
+            current: (h, w) uint8.
+            usable: (n,) bool, areas to measure; None for all.
+            valid: (h, w) bool, valid part of `current`; areas that are not completely inside, at their old or new
+                position, get NaN.
 
         Raises:
-            ValueError: `current` or `valid` is not of the reference's shape.
+            ValueError: `current` or `valid` differs in shape from the reference.
         """
         if current.shape != self.shape or (valid is not None and valid.shape != self.shape):
-            raise ValueError(f"a picture of {current.shape}, with {None if valid is None else valid.shape} valid, "
+            raise ValueError(f"an image of {current.shape}, with {None if valid is None else valid.shape} valid, "
                              f"it must be {self.shape} as the reference")
         found = np.full(self.areas_px.shape, np.nan)
         if self._areas is None or self._search is None:
@@ -75,10 +86,10 @@ class Correlator:
         at = np.flatnonzero(wanted)
         if valid is not None:
             at = at[self._areas.inside(valid, at, np.zeros((len(at), 2)))]
-        found[at] = _located(self._areas, current, at, np.zeros((len(at), 2)))
+        found[at] = _search_shifts(self._areas, current, at, np.zeros((len(at), 2)))
         lost = at[np.isnan(found[at, 0])]
         if len(lost):
-            found[lost] = _located(self._areas, current, lost, self._search.shifts(current, lost))
+            found[lost] = _search_shifts(self._areas, current, lost, self._search.shifts(current, lost))
         if valid is not None:
             found[at[~self._areas.inside(valid, at, found[at])]] = np.nan
         return found
@@ -94,7 +105,7 @@ def _check(reference: Gray, centres_px: IdArray, window_px: int) -> None:
 
 
 class _Areas:
-    """The areas' band-passed spectra in the reference, and their correlation with a picture."""
+    """Band-passed spectra of the areas in the reference, and their correlation with an image."""
 
     def __init__(self, reference: Gray, centres_px: IdArray, window_px: int) -> None:
         self._corners_px, self._window_px = centres_px - window_px // 2, window_px
@@ -110,26 +121,26 @@ class _Areas:
         self.textured = _weaker_texture(*slopes) >= _MIN_TEXTURE
 
     def inside(self, mask: BoolArray, at: IdArray, shift_px: FloatArray) -> BoolArray:
-        """(m,) bool: the areas `at`, (m,), moved by `shift_px`, (m, 2), lie in the picture where `mask` is True."""
+        """(m,) bool: whether the areas `at` (m,), moved by `shift_px` (m, 2), lie completely where `mask` is True."""
         inside = self.fit(at, shift_px)
         corners = self._corners_px[at[inside]] + np.round(shift_px[inside]).astype(np.int64)
         inside[inside] = self._cut(mask, corners).all(axis=(1, 2))
         return inside
 
     def fit(self, at: IdArray, shift_px: FloatArray) -> BoolArray:
-        """(m,) bool: the areas `at` moved by `shift_px` are known, and lie in the picture."""
+        """(m,) bool: whether `shift_px` is finite and the areas `at`, moved by it, lie inside the image."""
         corners = self._corners_px[at] + np.round(shift_px)  # NaN compares false
         return np.asarray(np.all((corners >= 0) & (corners <= self._room_px), axis=1))
 
     def plane(self, current: Gray, at: IdArray, offset_px: FloatArray) -> FloatArray:
-        """(m, N, N): normalised correlation of the areas `at`, (m,), over all lags about `offset_px`, whole pixels."""
+        """Correlation planes (m, N, N), normalized, of the areas `at` (m,) over all lags around integer `offset_px`."""
         cross, scale = self._cross(current, at, offset_px)
         side = self._window_px
         lags = np.fft.irfft2(cross, s=(side, side)) * (side**2 * scale)[:, None, None]
         return np.asarray(np.fft.fftshift(lags, axes=(1, 2)))
 
     def around(self, current: Gray, at: IdArray, shift_px: FloatArray) -> FloatArray:
-        """(m, 3, 3): the same at the lags -1, 0 and 1 px about `shift_px`, which need not be whole."""
+        """Correlation (m, 3, 3) at the lags -1, 0 and 1 px around `shift_px`, which may be fractional."""
         cross, scale = self._cross(current, at, shift_px)
         lags = (shift_px - np.round(shift_px))[:, :, None] + _LAGS
         k = 2 * np.pi * np.fft.fftfreq(self._window_px)
@@ -139,7 +150,7 @@ class _Areas:
         return np.asarray((rows @ cross @ columns).real * scale[:, None, None])
 
     def _cross(self, current: Gray, at: IdArray, shift_px: FloatArray) -> tuple[NDArray[np.complex128], FloatArray]:
-        """Cross spectra, (m, N, N/2+1), and the factor that makes their sum the correlation coefficient, (m,)."""
+        """Cross spectra (m, N, N/2+1), and the factors (m,) that normalize their sum to a correlation coefficient."""
         offset = np.round(shift_px)
         patches = self._cut(current, self._corners_px[at] + offset.astype(np.int64))
         spectra = _spectra(patches, shift_px - offset)
@@ -158,9 +169,9 @@ class _Areas:
 
 
 class _Search:
-    """A rough look for areas that are not where they were: twice as wide, in pictures `factor` times smaller."""
+    """Coarse search for areas with a large displacement: templates twice as wide, on images reduced by `factor`."""
 
-    _REACH, _RADIUS = 16, 16  # of the search and of the template, px of the small picture
+    _REACH, _RADIUS = 16, 16  # of the search and of the template, px of the reduced image
 
     def __init__(self, reference: Gray, centres_px: IdArray, factor: int) -> None:
         self._factor, self._centres_px = factor, centres_px // factor
@@ -168,13 +179,13 @@ class _Search:
         self._reference = reference
 
     def shifts(self, current: Gray, at: IdArray) -> FloatArray:
-        """(m, 2) px of the areas `at`, (m,), within `factor` px or so; NaN where nothing is like them."""
+        """Displacements (m, 2), px, of the areas `at` (m,), accurate to about `factor` px; NaN without a match."""
         return np.array([self._shift(current, self._centres_px[i]) for i in at])
 
     def _shift(self, current: Gray, centre_px: IdArray) -> FloatArray:
         low, high = np.maximum(centre_px - self._RADIUS, 0), np.minimum(centre_px + self._RADIUS, self._size_px)
         first, last = np.maximum(low - self._REACH, 0), np.minimum(high + self._REACH, self._size_px)
-        left, top = (self._REACH - (low - first)).tolist()  # what the picture lacks; part of the content may leave it
+        left, top = (self._REACH - (low - first)).tolist()  # padding, since part of the content may leave the image
         right, bottom = (self._REACH - (last - high)).tolist()
         ground = cv2.copyMakeBorder(self._shrunk(current, first, last), top, bottom, left, right, cv2.BORDER_REPLICATE)
         match = cv2.matchTemplate(ground, self._shrunk(self._reference, low, high), cv2.TM_CCOEFF_NORMED)
@@ -183,16 +194,17 @@ class _Search:
         return shift if best >= _MIN_CORRELATION else np.full(2, np.nan)
 
     def _shrunk(self, gray: Gray, low: IdArray, high: IdArray) -> Gray:
-        """The part from `low` to `high` (x, y) of the small picture, each pixel the mean of a block."""
+        """The part from `low` to `high` (x, y) of the image reduced by block averages."""
         (left, top), (right, bottom) = self._factor * low, self._factor * high
         size = tuple((high - low).tolist())
         return np.asarray(cv2.resize(gray[top:bottom, left:right], size, interpolation=cv2.INTER_AREA))
 
 
 def _weaker_texture(slope_x: FloatArray, slope_y: FloatArray) -> FloatArray:
-    """(n,): mean square slope of each area, (n, N, N), in the direction in which it is least (Shi and Tomasi 1994).
+    """Smaller eigenvalue (n,) of the structure tensor of each area (n, N, N) (Shi and Tomasi 1994).
 
-    Along an edge or stripes nothing tells how far they have moved, though the window's ends feign a peak.
+    The displacement along an edge or stripes cannot be measured (aperture problem), although the ends of the window
+    cause a peak.
     """
     weights = _weights(slope_x.shape[1], np.zeros(1))[0] ** 2
     weights /= weights.sum()
@@ -200,15 +212,15 @@ def _weaker_texture(slope_x: FloatArray, slope_y: FloatArray) -> FloatArray:
     return np.asarray((xx + yy) / 2 - np.hypot((xx - yy) / 2, xy))
 
 
-def _located(areas: _Areas, current: Gray, at: IdArray, start_px: FloatArray) -> FloatArray:
-    """(m, 2) shifts of the areas `at`, looked for within a quarter of the window about `start_px`, (m, 2)."""
+def _search_shifts(areas: _Areas, current: Gray, at: IdArray, start_px: FloatArray) -> FloatArray:
+    """Displacements (m, 2) of the areas `at` within a quarter of the window of `start_px` (m, 2)."""
     chunks = range(0, len(at), _CHUNK)
-    found = [_followed(areas, current, at[i : i + _CHUNK], start_px[i : i + _CHUNK]) for i in chunks]
+    found = [_refine_shifts(areas, current, at[i : i + _CHUNK], start_px[i : i + _CHUNK]) for i in chunks]
     return np.concatenate(found) if found else np.empty((0, 2))
 
 
-def _followed(areas: _Areas, current: Gray, at: IdArray, start_px: FloatArray) -> FloatArray:
-    """As `_located`: first the highest peak of the whole plane, then closer and closer about it."""
+def _refine_shifts(areas: _Areas, current: Gray, at: IdArray, start_px: FloatArray) -> FloatArray:
+    """As `_search_shifts`: the highest peak of the correlation plane, then iterative sub-pixel refinement."""
     shift, done = np.full(start_px.shape, np.nan), np.zeros(len(at), bool)
     k = np.flatnonzero(areas.fit(at, start_px))
     start = np.round(start_px[k])
@@ -226,7 +238,7 @@ def _followed(areas: _Areas, current: Gray, at: IdArray, start_px: FloatArray) -
 
 
 def _highest_peak(plane: FloatArray) -> FloatArray:
-    """(m, 2) lag of the highest peak of each plane, (m, N, N), px; NaN where it is not clear."""
+    """Lag (m, 2), px, of the highest peak of each plane (m, N, N); NaN where it is not distinct."""
     middle, reach = plane.shape[1] // 2, plane.shape[1] // 4
     near = plane[:, middle - reach : middle + reach + 1, middle - reach : middle + reach + 1]
     each, lags = np.arange(len(near)), np.arange(-reach, reach + 1)
@@ -241,10 +253,10 @@ def _highest_peak(plane: FloatArray) -> FloatArray:
 
 
 def _gaussian_peak(near: FloatArray) -> FloatArray:
-    """(m, 2) px from the middle of correlations (m, 3, 3) to the peak of a Gaussian, at most 1 px in x and in y.
+    """Offset (m, 2), px, of the peak of a Gaussian from the centre of correlations (m, 3, 3), at most 1 px per axis.
 
-    NaN where they do not bend down. It is the 2x3-point Gaussian of PIVlab, from the five points of the cross, with
-    the mixed term of the corners, without which slanting textures take many passes (Nobach and Honkanen 2005).
+    PIVlab's 2x3-point Gaussian with the mixed term of a 2-D Gaussian (Nobach and Honkanen 2005), without which oblique
+    textures converge slowly. NaN where the correlations are not concave.
     """
     level = np.log(np.maximum(near, 1e-9))
     gx, gy = (level[:, 1, 2] - level[:, 1, 0]) / 2, (level[:, 2, 1] - level[:, 0, 1]) / 2
@@ -257,7 +269,7 @@ def _gaussian_peak(near: FloatArray) -> FloatArray:
 
 
 def _spectra(patches: NDArray[Any], fraction_px: FloatArray) -> NDArray[np.complex128]:
-    """(m, N, N/2+1) of patches (m, N, N) about their weighted mean, under windows moved by `fraction_px`, (m, 2)."""
+    """Spectra (m, N, N/2+1) of patches (m, N, N) minus their weighted means, with windows moved by `fraction_px`."""
     columns, rows = (_weights(patches.shape[1], fraction_px[:, axis]) for axis in (0, 1))
     weights = rows[:, :, None] * columns[:, None, :]
     weighted = patches * weights
@@ -267,19 +279,19 @@ def _spectra(patches: NDArray[Any], fraction_px: FloatArray) -> NDArray[np.compl
 
 
 def _weights(side: int, fraction_px: FloatArray) -> FloatArray:
-    """(m, N): a window that is flat in the middle and a squared sine at both ends, moved by `fraction_px`, (m,)."""
+    """Tukey windows (m, N), moved by `fraction_px` (m,)."""
     from_middle = np.abs(np.arange(side) - (side - 1) / 2 - fraction_px[:, None])
     rise = np.clip((side / 2 - from_middle) / (_TAPER * side / 2), 0, 1)
     return np.asarray(np.sin(np.pi / 2 * rise) ** 2)
 
 
 def _band_pass(side: int) -> FloatArray:
-    """(N, N/2+1): by how much each frequency counts in the cross spectrum."""
+    """Weights (N, N/2+1) of the frequencies of the cross spectrum."""
     k = 2 * np.pi * np.fft.fftfreq(side)
     k2 = k[:, None] ** 2 + k[None, : side // 2 + 1] ** 2
     return np.asarray((1 - np.exp(-k2 * _HIGH_PASS_PX**2 / 2)) ** 2 * np.exp(-k2 * _LOW_PASS_PX**2))
 
 
 def _both_halves(side: int) -> FloatArray:
-    """(N/2+1,): how often each column of a half spectrum occurs in the whole one."""
+    """Multiplicity (N/2+1,) of each column of a half spectrum in the full one."""
     return np.array([1.0] + [2.0] * (side // 2 - 1) + [1.0])

@@ -1,7 +1,7 @@
-"""RMSE of homologous points: how far the same ground lies apart in two stabilised pictures (Zhang et al. 2023).
+"""RMSE of homologous points: distance between the same ground points in two stabilized images (Zhang et al. 2023).
 
-The points are SIFT's (Lowe 2004), as in the paper, and found in the stabilised pictures themselves: nothing of the
-tracker, neither its features nor its inliers, takes part in judging it.
+The points are SIFT key points (Lowe 2004), as in the paper, detected in the stabilized images themselves. The measure
+is independent of the tracker: it uses neither its features nor its inliers.
 """
 
 from __future__ import annotations
@@ -17,25 +17,28 @@ from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, IdArray
 
 _TILES = 32
 _TILE_PX = 96
-_AREA_PX = 300_000  # what SIFT looks at, all tiles together; a smaller picture is one tile
-_KEY_POINTS = 1280  # of a picture, the strongest of each tile
-_EDGE_RATIO = 5.0  # stricter than Lowe's 10: along an edge a key point is placed badly
-_ALLOWED_SHARE = 0.3  # of a tile
-_CLEAR_PX = 8.0  # a key point keeps its own size and this from seams and black borders
+_AREA_PX = 300_000  # total area of the tiles; a smaller image is a single tile
+_KEY_POINTS = 1280  # per image, the strongest of each tile
+_EDGE_RATIO = 5.0  # stricter than Lowe's 10, because key points along an edge are poorly localized
+_ALLOWED_SHARE = 0.3  # smallest allowed share of a tile
+_BORDER_PX = 8.0  # margin of a key point, beyond its size, to the tile's and the image's border
 _RATIO = 0.8  # best to second distance of descriptors, Lowe 2004, section 7.1
-_GATE_PX = 1.0  # what lies further from the common plane is a mismatch or water
-_SMALLER = 3  # times smaller than the largest set of agreeing points, a set is no ground
-_FEWEST = 8  # homologous points for an RMSE
-_ENOUGH = 24  # with fewer, the picture may lie elsewhere altogether
-_AWAY_PX = 12.0  # tiles that lie this far away must follow: else only what moved least would be found again
+_GATE_PX = 1.0  # inlier threshold of the ground plane; other matches are wrong or on water
+_SIZE_RATIO = 3  # a consensus set this many times smaller than the largest is not ground
+_MIN_POINTS = 8  # for an RMSE
+_SUFFICIENT_POINTS = 24  # with fewer, the coarse search is tried
+_MAX_TILE_SHIFT_PX = 12.0  # with a larger shift the tiles are moved; otherwise points that moved least are preferred
 
 
 @dataclass(frozen=True, eq=False)
 class Rmse:
-    """RMSE of a picture against the reference and against the picture before, px; None: too few points, or no picture.
+    """RMSE of an image against the reference and against the previous image.
 
-    checkpoints: the number of points in the comparison with the reference, also when they are too few.
-    ref_H_cur: the plane of the ground that they agree on within a pixel, None where there is none.
+    Attributes:
+        reference_px: None with too few points.
+        previous_px: None with too few points, or without a previous image.
+        checkpoints: number of points in the comparison with the reference, even if they are too few.
+        ref_H_cur: homography of the ground plane, None if there is none.
     """
 
     reference_px: float | None
@@ -45,98 +48,110 @@ class Rmse:
 
 
 class HomologousPoints:
-    """Finds the ground of the reference again in other pictures and says how far from there it lies.
+    """Matches ground points of the reference in other images and measures their distances.
 
-    Homologous is what SIFT matches both ways and what agrees on one homography within a pixel. This takes out
-    mismatches and moving water, and nothing else: the RMSE is of coordinates, not of residuals of that homography.
+    Points are homologous if SIFT matches them mutually and they agree with one homography within a pixel. This removes
+    wrong matches and moving water only: the RMSE is of coordinates, not of residuals of that homography.
 
-    SIFT looks at some tiles only, chosen in the reference for texture and spread, so that a check costs the same at
-    every resolution. Other pictures are searched in the same tiles and, where the common plane turns out to lie
-    further away, in tiles that follow it. If hardly anything is found, SIFT of small pictures tells where to look.
+    SIFT is limited to tiles, chosen in the reference by texture and spatial distribution, so that the cost does not
+    depend on the resolution. Other images are searched in the same tiles and, if the ground plane has moved far, in
+    tiles moved with it. If too few points are found, SIFT on reduced images gives a coarse homography.
     """
 
     def __init__(self, reference: Gray, allowed: BoolArray) -> None:
-        """reference: (h, w) uint8. allowed: (h, w) bool, where static ground may be looked for.
+        """Detects the points of the reference.
+
+        Args:
+            reference: (h, w) uint8.
+            allowed: (h, w) bool, where static ground may be.
 
         Raises:
-            ValueError: `allowed` has another shape.
+            ValueError: `allowed` differs in shape.
         """
         if allowed.shape != reference.shape:
             raise ValueError(f"allowed is {allowed.shape}, it must be {reference.shape} as the reference")
-        self._picture = reference
+        self._image = reference
         self._corners, tile_size = _chosen_tiles(reference, allowed)
         self._tiles = np.arange(len(self._corners))
         self._sift = _TileSift(tile_size, len(self._corners))
         found = self._sift.key_points(reference, np.ones_like(allowed), self._tiles, self._corners)
         column, row = np.round(found.px).astype(np.int64).T
         self._points = found[allowed[row, column]]
-        # a point with several orientations has several descriptors, but is one place and counts once
-        self._place_px, place = np.unique(self._points.px, axis=0, return_inverse=True)
-        self._place = place.reshape(-1)
+        # a key point with several orientations has several descriptors but counts once
+        self._location_px, location = np.unique(self._points.px, axis=0, return_inverse=True)
+        self._location = location.reshape(-1)
 
     def measure(self, current: Gray, valid: BoolArray, previous: Gray | None = None,
                 previous_valid: BoolArray | None = None) -> Rmse:
-        """Eq. 7 against the reference, and against the picture before over the points found in all three.
+        """RMSE (Zhang et al. 2023, eq. 7) against the reference and against the previous image.
 
-        Only what is ground in the comparison with the reference counts in the other: water keeps its texture from one
-        picture to the next, and would win.
+        The comparison with the previous image uses only the ground points of the comparison with the reference. Water
+        keeps its texture between successive frames and would dominate otherwise.
 
-        current, previous: (h, w) uint8, as large as the reference. valid: (h, w) bool, False in the black border.
+        Args:
+            current: (h, w) uint8, of the reference's size.
+            valid: (h, w) bool, False in the black border of `current`.
+            previous: (h, w) uint8; None without a previous image.
+            previous_valid: (h, w) bool, of `previous`.
 
         Raises:
-            ValueError: a picture or its `valid` has another shape.
+            ValueError: an image or its mask differs in shape.
         """
-        now = self._found_again(current, valid, self._tiles, self._corners)
-        reference_px, previous_px = rmse(self._place_px[now.place], now.px), None
+        current_matches = self._match_ground(current, valid, self._tiles, self._corners)
+        reference_px, previous_px = rmse(self._location_px[current_matches.location], current_matches.px), None
         if reference_px is not None and previous is not None and previous_valid is not None:
-            tiles = np.unique(self._points.tile[np.isin(self._place, now.place)])
-            before = self._found_again(previous, previous_valid, tiles, now.corners)
-            _, here, there = np.intersect1d(now.place, before.place, return_indices=True)
-            previous_px = rmse(before.px[there], now.px[here])
-        return Rmse(reference_px, previous_px, len(now.place), now.ref_H_cur)
+            tiles = np.unique(self._points.tile[np.isin(self._location, current_matches.location)])
+            previous_matches = self._match_ground(previous, previous_valid, tiles, current_matches.corners)
+            _, here, there = np.intersect1d(current_matches.location, previous_matches.location, return_indices=True)
+            previous_px = rmse(previous_matches.px[there], current_matches.px[here])
+        return Rmse(reference_px, previous_px, len(current_matches.location), current_matches.ref_H_cur)
 
-    def _found_again(self, picture: Gray, valid: BoolArray, tiles: IdArray, corners: IdArray) -> _Ground:
-        """The reference's points in `picture`, searched with `tiles` at `corners` first, and then where they lie."""
-        if picture.shape != self._picture.shape or valid.shape != picture.shape:
-            raise ValueError(f"a picture of {picture.shape} and valid of {valid.shape}, both must be "
-                             f"{self._picture.shape} as the reference")
-        found = self._found_at(picture, valid, tiles, corners)
-        plane = found.ref_H_cur if len(found.place) >= _ENOUGH else self._overview.ref_H_cur(picture)
+    def _match_ground(self, image: Gray, valid: BoolArray, tiles: IdArray, corners: IdArray) -> _GroundMatches:
+        """The reference's points in `image`: in `tiles` at `corners`, and again in moved tiles if necessary."""
+        if image.shape != self._image.shape or valid.shape != image.shape:
+            raise ValueError(f"an image of {image.shape} and valid of {valid.shape}, both must be "
+                             f"{self._image.shape} as the reference")
+        found = self._match_in_tiles(image, valid, tiles, corners)
+        plane = found.ref_H_cur if len(found.location) >= _SUFFICIENT_POINTS else self._coarse_sift.ref_H_cur(image)
         if plane is None:
             return found
-        followed = self._following(plane)
-        if np.abs(followed - corners)[tiles].max(initial=0) < _AWAY_PX:
+        followed = self._moved_corners(plane)
+        if np.abs(followed - corners)[tiles].max(initial=0) < _MAX_TILE_SHIFT_PX:
             return found
-        return max(found, self._found_at(picture, valid, tiles, followed), key=lambda ground: len(ground.place))
+        moved = self._match_in_tiles(image, valid, tiles, followed)
+        return max(found, moved, key=lambda ground: len(ground.location))
 
-    def _found_at(self, picture: Gray, valid: BoolArray, tiles: IdArray, corners: IdArray) -> _Ground:
-        found = self._sift.key_points(picture, valid, tiles, corners)
-        in_reference, in_picture = _matches(self._points, found, tiles)
-        ref_H_cur, agrees = _plane(found.px[in_picture], self._points.px[in_reference], picture.shape)
-        place, first = np.unique(self._place[in_reference[agrees]], return_index=True)
-        return _Ground(place, found.px[in_picture[agrees]][first], ref_H_cur, corners)
+    def _match_in_tiles(self, image: Gray, valid: BoolArray, tiles: IdArray, corners: IdArray) -> _GroundMatches:
+        found = self._sift.key_points(image, valid, tiles, corners)
+        in_reference, in_image = _matches(self._points, found, tiles)
+        ref_H_cur, agrees = _plane(found.px[in_image], self._points.px[in_reference], image.shape)
+        location, first = np.unique(self._location[in_reference[agrees]], return_index=True)
+        return _GroundMatches(location, found.px[in_image[agrees]][first], ref_H_cur, corners)
 
-    def _following(self, ref_H_cur: Homography) -> IdArray:
-        """(tiles, 2): corners of the tiles where the plane lies, as far as the picture reaches."""
+    def _moved_corners(self, ref_H_cur: Homography) -> IdArray:
+        """Corners (tiles, 2) of the tiles moved with the ground plane, clipped to the image."""
         middle = (self._sift.size - 1) / 2
         corners = np.round(apply(np.linalg.inv(ref_H_cur), self._corners + middle) - middle)
-        return np.clip(corners, 0, np.array(self._picture.shape[::-1]) - self._sift.size).astype(np.int64)
+        return np.clip(corners, 0, np.array(self._image.shape[::-1]) - self._sift.size).astype(np.int64)
 
     @cached_property
-    def _overview(self) -> _Overview:
-        return _Overview(self._picture)
+    def _coarse_sift(self) -> _CoarseSift:
+        return _CoarseSift(self._image)
 
 
 def rmse(ones_px: FloatArray, others_px: FloatArray) -> float | None:
-    """Zhang et al. 2023, Eq. 7: sqrt(sum((x_r - x_s)^2 + (y_r - y_s)^2) / N) of (N, 2); None for fewer than 8."""
-    if len(ones_px) < _FEWEST:
+    """RMSE of points (N, 2), px: sqrt(sum((x_r - x_s)^2 + (y_r - y_s)^2) / N) (Zhang et al. 2023, eq. 7).
+
+    None for fewer than 8 points.
+    """
+    if len(ones_px) < _MIN_POINTS:
         return None
     return float(np.sqrt(np.mean(np.sum((ones_px - others_px) ** 2, axis=1))))
 
 
 @dataclass(frozen=True, eq=False)
 class _KeyPoints:
-    """px: (n, 2) float64. tile: (n,) int64, where they were found. descriptor: (n, 128) float32, whole numbers."""
+    """px: (n, 2) float64. tile: (n,) int64, number of the tile. descriptor: (n, 128) float32, whole numbers."""
 
     px: FloatArray
     tile: IdArray
@@ -147,34 +162,38 @@ class _KeyPoints:
 
 
 @dataclass(frozen=True, eq=False)
-class _Ground:
-    """What was found again of the reference. place: (n,) int64, which of its points, ascending. px: (n, 2), where.
+class _GroundMatches:
+    """Matches of the ground in one image.
 
-    ref_H_cur: the plane they agree on, if any. corners: (tiles, 2) int64, of the tiles they were found in.
+    Attributes:
+        location: (n,) int64, indices of the reference's points, ascending.
+        px: (n, 2) positions in the image.
+        ref_H_cur: homography of the ground plane, if any.
+        corners: (tiles, 2) int64 corners of the searched tiles.
     """
 
-    place: IdArray
+    location: IdArray
     px: FloatArray
     ref_H_cur: Homography | None
     corners: IdArray
 
 
 class _TileSift:
-    """SIFT of tiles, each on its own; what has been seen lately is not computed again (the picture before)."""
+    """SIFT of single tiles; recent results, such as those of the previous image, are cached."""
 
     def __init__(self, size: IdArray, tiles: int) -> None:
-        """size: (2,) width and height of each of `tiles` tiles, px."""
+        """size: (2,) width and height of a tile, px. tiles: their number."""
         self.size = size
         self._sift = cv2.SIFT.create(nfeatures=_KEY_POINTS // max(1, tiles), edgeThreshold=_EDGE_RATIO)
         self._remembered = lru_cache(maxsize=4 * tiles)(self._detected)
 
-    def key_points(self, picture: Gray, valid: BoolArray, tiles: IdArray, corners: IdArray) -> _KeyPoints:
-        """Those of `tiles`, whose places are `corners` (all tiles, 2), clear of seams and of what is not valid."""
+    def key_points(self, image: Gray, valid: BoolArray, tiles: IdArray, corners: IdArray) -> _KeyPoints:
+        """Key points of `tiles`, at `corners` (all tiles, 2), that are clear of tile borders and invalid pixels."""
         px, tile, descriptor = [np.empty((0, 2))], [np.empty(0, np.int64)], [np.empty((0, 128), np.float32)]
         for number in tiles:
             (x, y), (width, height) = corners[number], self.size
             cut = np.s_[y : y + height, x : x + width]
-            at, reach, described = self._remembered(picture[cut].tobytes())
+            at, reach, described = self._remembered(image[cut].tobytes())
             column, row = np.round(at).astype(np.int64).T
             clear = _room_px(valid[cut])[row, column] >= reach
             px.append(at[clear] + (x, y))
@@ -183,7 +202,7 @@ class _TileSift:
         return _KeyPoints(np.concatenate(px), np.concatenate(tile), np.concatenate(descriptor))
 
     def _detected(self, tile: bytes) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(n, 2) px, (n,) px they need about them, (n, 128) descriptors."""
+        """Positions (n, 2), px, required clearances (n,), px, and descriptors (n, 128)."""
         return _sift(self._sift, np.frombuffer(tile, np.uint8).reshape(self.size[::-1]))
 
 
@@ -191,36 +210,36 @@ def _sift(sift: cv2.SIFT, gray: Gray) -> tuple[FloatArray, FloatArray, FloatArra
     points, descriptor = sift.detectAndCompute(gray, None)
     if not points:
         return np.empty((0, 2)), np.empty(0), np.empty((0, 128), np.float32)
-    return np.array([p.pt for p in points]), np.array([p.size for p in points]) + _CLEAR_PX, descriptor
+    return np.array([p.pt for p in points]), np.array([p.size for p in points]) + _BORDER_PX, descriptor
 
 
 def _room_px(valid: BoolArray) -> FloatArray:
-    """(h, w): how far each pixel of a tile lies from its seam and from what is not valid, px."""
+    """Distance (h, w), px, of each pixel of a tile from the tile's border and from invalid pixels."""
     framed = np.pad(valid, 1).astype(np.uint8)
     return np.asarray(cv2.distanceTransform(framed, cv2.DIST_L2, cv2.DIST_MASK_PRECISE))[1:-1, 1:-1]
 
 
 def _matches(ones: _KeyPoints, others: _KeyPoints, tiles: IdArray) -> tuple[IdArray, IdArray]:
-    """Indices (n,) into both of what is each other's best match within its tile, and clearly better than the second."""
+    """Indices (n,) into both sets of the mutual matches within each tile that pass the ratio test."""
     found = [(np.empty(0, np.int64), np.empty(0, np.int64))]
     for tile in tiles:
         i, j = np.flatnonzero(ones.tile == tile), np.flatnonzero(others.tile == tile)
-        a, b = _mutual(ones.descriptor[i], others.descriptor[j])
+        a, b = _mutual_nearest(ones.descriptor[i], others.descriptor[j])
         found.append((i[a], j[b]))
     one, other = zip(*found, strict=True)
     return np.concatenate(one), np.concatenate(other)
 
 
-def _mutual(ones: FloatArray, others: FloatArray) -> tuple[IdArray, IdArray]:
+def _mutual_nearest(ones: FloatArray, others: FloatArray) -> tuple[IdArray, IdArray]:
     # whole numbers up to 128 * 255^2 < 2^24: exact in float32, however the sum is ordered
     squares = [np.sum(d * d, axis=1) for d in (ones, others)]
     distance2 = squares[0][:, None] + squares[1] - 2 * (ones @ others.T)
-    one, other = np.nonzero(_clearly_best(distance2) & _clearly_best(distance2.T).T)
+    one, other = np.nonzero(_passes_ratio_test(distance2) & _passes_ratio_test(distance2.T).T)
     return one, other
 
 
-def _clearly_best(distance2: FloatArray) -> BoolArray:
-    """(n, m) bool: the smallest of its row, and by the ratio test no other is nearly as small."""
+def _passes_ratio_test(distance2: FloatArray) -> BoolArray:
+    """(n, m) bool: the smallest of its row, if it passes the ratio test (Lowe 2004, section 7.1)."""
     if 0 in distance2.shape:
         return np.zeros(distance2.shape, bool)
     padded = np.pad(distance2, ((0, 0), (0, 1)), constant_values=np.inf)  # a row may have no second
@@ -230,28 +249,30 @@ def _clearly_best(distance2: FloatArray) -> BoolArray:
 
 def _plane(current_px: FloatArray, reference_px: FloatArray, shape: tuple[int, ...],
            gate_px: float = _GATE_PX) -> tuple[Homography | None, BoolArray]:
-    """The homography of the ground, if a camera can have made it, and which of the pairs (n, 2) lie within its gate.
+    """Homography of the ground, if plausible, and its inliers (n,) bool among the pairs (n, 2).
 
-    Ground frames the water: of the two largest sets that agree, the one that reaches further counts, if not by far the
-    smaller. Their numbers alone do not tell where half of the picture is water that keeps its texture.
+    Ground surrounds the water. Of the two largest consensus sets, the one with the larger spatial extent is ground,
+    unless it is much smaller. The number of points alone is not sufficient where half of the image is water that keeps
+    its texture.
     """
     H, agrees = _consensus(current_px, reference_px, shape, gate_px)
     rest = np.flatnonzero(~agrees)
-    if H is None or len(rest) < agrees.sum() / _SMALLER:
+    if H is None or len(rest) < agrees.sum() / _SIZE_RATIO:
         return H, agrees
     other_H, others = _consensus(current_px[rest], reference_px[rest], shape, gate_px)
     other = np.zeros_like(agrees)
     other[rest[others]] = True
-    if other.sum() * _SMALLER < agrees.sum() or _reach(reference_px[other]) <= _reach(reference_px[agrees]):
+    if (other.sum() * _SIZE_RATIO < agrees.sum()
+            or _spatial_extent(reference_px[other]) <= _spatial_extent(reference_px[agrees])):
         return H, agrees
     return other_H, other
 
 
 def _consensus(current_px: FloatArray, reference_px: FloatArray, shape: tuple[int, ...],
                gate_px: float) -> tuple[Homography | None, BoolArray]:
-    """By LO-RANSAC (Chum et al. 2003), whose samples OpenCV draws the same every time, within half of the gate."""
+    """Homography and inliers by OpenCV's LO-RANSAC (Chum et al. 2003), which is deterministic."""
     nothing = None, np.zeros(len(current_px), bool)
-    if len(current_px) < _FEWEST:
+    if len(current_px) < _MIN_POINTS:
         return nothing
     H, _ = cv2.findHomography(current_px, reference_px, cv2.USAC_DEFAULT, gate_px / 4, None, 5000, 0.9999)
     if H is None or not is_plausible(H, (shape[1], shape[0])):
@@ -259,28 +280,28 @@ def _consensus(current_px: FloatArray, reference_px: FloatArray, shape: tuple[in
     return H, np.hypot(*(apply(H, current_px) - reference_px).T) < gate_px
 
 
-def _reach(px: FloatArray) -> float:
-    """Number of points times the area over which they scatter, px^2."""
+def _spatial_extent(px: FloatArray) -> float:
+    """Number of points times the area of their covariance ellipse, px^2."""
     return float(len(px) * np.sqrt(max(0.0, np.linalg.det(np.cov(px.T)))))
 
 
-class _Overview:
-    """SIFT of whole small pictures: a rough plane for a picture that lies far away."""
+class _CoarseSift:
+    """SIFT on reduced images: a coarse homography for an image with a large displacement."""
 
     def __init__(self, reference: Gray) -> None:
         self._level = max(0, int(np.ceil(np.log2(reference.size / _AREA_PX) / 2)))
         self._sift = cv2.SIFT.create(nfeatures=_KEY_POINTS)
-        self._px, _, self._descriptor = self._found(reference)
+        self._px, _, self._descriptor = self._detect(reference)
 
-    def ref_H_cur(self, picture: Gray) -> Homography | None:
-        """Good to some px; None if hardly anything is found again."""
-        px, _, descriptor = self._found(picture)
-        i, j = _mutual(self._descriptor, descriptor)
-        H, agrees = _plane(px[j], self._px[i], picture.shape, 2.0 ** (self._level + 1))
-        return H if agrees.sum() >= _FEWEST else None
+    def ref_H_cur(self, image: Gray) -> Homography | None:
+        """`ref_H_cur`, accurate to a few px; None with too few inliers."""
+        px, _, descriptor = self._detect(image)
+        i, j = _mutual_nearest(self._descriptor, descriptor)
+        H, agrees = _plane(px[j], self._px[i], image.shape, 2.0 ** (self._level + 1))
+        return H if agrees.sum() >= _MIN_POINTS else None
 
-    def _found(self, gray: Gray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """In px of the large picture; an incomplete last row or column of blocks is left out."""
+    def _detect(self, gray: Gray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Positions in full-resolution px, clearances and descriptors; incomplete blocks at the border are left out."""
         block = 2**self._level
         height, width = gray.shape[0] // block, gray.shape[1] // block
         small = cv2.resize(gray[: height * block, : width * block], (width, height), interpolation=cv2.INTER_AREA)
@@ -289,7 +310,7 @@ class _Overview:
 
 
 def _chosen_tiles(reference: Gray, allowed: BoolArray) -> tuple[IdArray, IdArray]:
-    """Corners (tiles, 2) and size (2,): the best textured place of each cell of a grid, or the whole picture."""
+    """Corners (tiles, 2) and size (2,) of the tiles: the best-textured one per cell of a grid, or the whole image."""
     size = np.array(reference.shape[::-1])
     if reference.size <= _AREA_PX or size.min() <= _TILE_PX:
         return np.zeros((1, 2), np.int64), size
@@ -307,9 +328,9 @@ def _chosen_tiles(reference: Gray, allowed: BoolArray) -> tuple[IdArray, IdArray
 
 
 def _texture_of_tiles(reference: Gray, allowed: BoolArray) -> FloatArray:
-    """For every corner of a tile: how much texture it holds where that is allowed; 0 where too little is allowed."""
+    """Texture of the allowed part of a tile, for each position of its corner; 0 where too little is allowed."""
     corner = np.sqrt(np.maximum(cv2.cornerMinEigenVal(reference, 5), 0)) * allowed
-    corner = np.minimum(corner, np.percentile(corner[::4, ::4], 95))  # many corners, not a few strong ones
+    corner = np.minimum(corner, np.percentile(corner[::4, ::4], 95))  # limits the influence of a few strong corners
     inside = np.s_[: reference.shape[0] - _TILE_PX + 1, : reference.shape[1] - _TILE_PX + 1]
     texture, share = (cv2.blur(a.astype(np.float32), (_TILE_PX, _TILE_PX), anchor=(0, 0))[inside]
                       for a in (corner, allowed))

@@ -1,4 +1,4 @@
-"""Which part of a stabilised picture shows something: only the overlap with the reference may be measured."""
+"""Valid part of a stabilized image: measurements are limited to its overlap with the reference."""
 
 from __future__ import annotations
 
@@ -8,15 +8,18 @@ import numpy as np
 from stab_ros.core.geometry import apply
 from stab_ros.core.types import BoolArray, Gray, Homography, IdArray
 
-_MARGIN_PX = 2  # beside the border, interpolation mixes in its black
-_BLOCK = np.ones((5, 5), np.uint8)  # black areas from this size on are border, not a dark pixel
+_MARGIN_PX = 2  # pixels next to the black border are affected by interpolation
+_BLOCK = np.ones((5, 5), np.uint8)  # smallest black area that counts as border
 _WIDER = np.ones((2 * _MARGIN_PX + 1, 2 * _MARGIN_PX + 1), np.uint8)
 _AROUND_PX = 8
 _SHIFT = 4  # fractional bits of fillConvexPoly
 
 
 def valid_overlap(gray: Gray, ref_H_cur: Homography | None) -> BoolArray:
-    """(h, w) bool of a picture in the reference's place: not black border, and inside the frame if H is known."""
+    """Mask (h, w) bool of the valid pixels of a stabilized image `gray` (h, w) uint8.
+
+    Excluded are black border areas and, if `ref_H_cur` is known, pixels outside the frame's footprint.
+    """
     valid = ~_black_areas(gray)
     if ref_H_cur is not None:
         valid &= _footprint(ref_H_cur, (gray.shape[1], gray.shape[0]))
@@ -24,14 +27,14 @@ def valid_overlap(gray: Gray, ref_H_cur: Homography | None) -> BoolArray:
 
 
 def _black_areas(gray: Gray) -> BoolArray:
-    """Areas of zeros and what lies beside them; at the picture's edge as if it went on, so that a thin wedge counts."""
+    """Areas of zeros, dilated; the image is extended at its border, so that thin black wedges count, too."""
     around = cv2.copyMakeBorder(gray, _AROUND_PX, _AROUND_PX, _AROUND_PX, _AROUND_PX, cv2.BORDER_REPLICATE)
     areas = cv2.morphologyEx(cv2.compare(around, 0, cv2.CMP_EQ), cv2.MORPH_OPEN, _BLOCK)
     return np.asarray(cv2.dilate(areas, _WIDER)[_AROUND_PX:-_AROUND_PX, _AROUND_PX:-_AROUND_PX] > 0)
 
 
 def _footprint(ref_H_cur: Homography, size: tuple[int, int]) -> BoolArray:
-    """Where in the reference the frame of `size` (width, height) lies, but for a margin beside its border."""
+    """Footprint (h, w) bool of the frame of `size` (width, height) in the reference, without a margin."""
     near, right, bottom = _MARGIN_PX, size[0] - 1 - _MARGIN_PX, size[1] - 1 - _MARGIN_PX
     corners = np.array([[near, near], [right, near], [right, bottom], [near, bottom]], float)
     if np.array_equal(ref_H_cur, np.eye(3)):
@@ -43,7 +46,7 @@ def _footprint(ref_H_cur: Homography, size: tuple[int, int]) -> BoolArray:
 
 
 def windows_inside(valid: BoolArray, centres_px: IdArray, window_px: int) -> BoolArray:
-    """Which windows, (P, 2) centres and one width, lie wholly in the valid part: (P,) bool."""
+    """(P,) bool: whether each window of `window_px` about `centres_px` (P, 2) lies completely in `valid` (h, w)."""
     before, after = window_px // 2, window_px - window_px // 2
     height, width = valid.shape
     return np.array([

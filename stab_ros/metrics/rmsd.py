@@ -1,4 +1,4 @@
-"""How much two pictures differ about a point: the root mean square difference of Ljubicic et al. (2021), Eq. 2."""
+"""Root mean square difference (RMSD) of two images around a point (Ljubicic et al. 2021, Eq. 2)."""
 
 from __future__ import annotations
 
@@ -8,10 +8,15 @@ from stab_ros.core.types import FloatArray, IdArray, Image
 
 
 def cut(image: Image, centres_px: IdArray, window_px: int) -> FloatArray:
-    """(P, N, N) float32, the windows of N = `window_px` (odd) about `centres_px` (P, 2), x then y, of `image` (h, w).
+    """Windows (P, N, N) float32 of an image.
+
+    Args:
+        image: (h, w).
+        centres_px: (P, 2), x and y.
+        window_px: N, odd.
 
     Raises:
-        ValueError: an even window, or one that leaves the picture.
+        ValueError: N is even, or a window is not completely inside the image.
     """
     if window_px < 1 or window_px % 2 == 0:
         raise ValueError(f"a window of {window_px} px, it must be odd")
@@ -21,13 +26,13 @@ def cut(image: Image, centres_px: IdArray, window_px: int) -> FloatArray:
     outside = (x < half) | (y < half) | (x >= width - half) | (y >= height - half)
     if outside.any():
         at = np.flatnonzero(outside)[0]
-        raise ValueError(f"the window of {window_px} px about ({x[at]}, {y[at]}) leaves the {width}x{height} picture")
+        raise ValueError(f"the window of {window_px} px about ({x[at]}, {y[at]}) leaves the {width}x{height} image")
     span = np.arange(-half, half + 1)
     return np.asarray(image[(y[:, None] + span)[:, :, None], (x[:, None] + span)[:, None, :]], np.float32)
 
 
 def rmsd(a: FloatArray, b: FloatArray) -> FloatArray:
-    """(P,) float64, grey levels: root mean square difference of windows `a` and `b`, (P, N, N) each; Eq. 2.
+    """RMSD (P,) float64, grey levels, of windows `a` and `b`, (P, N, N) each (Ljubicic et al. 2021, Eq. 2).
 
     Raises:
         ValueError: different shapes.

@@ -1,7 +1,7 @@
-"""Residual motion by frequency: slow drift or quick jitter?
+"""Residual motion by frequency: slow drift and fast jitter.
 
-A series is one shift per frame, px, evenly spaced in time; NaN where a frame could not be measured. Gaps are bridged by
-straight lines, which takes a little of the jitter out; before the first and after the last value, that value holds.
+A series has one displacement per frame, px, evenly spaced in time; NaN where a frame was not measured. Gaps are
+interpolated linearly, which slightly reduces the jitter; the ends are extended by the first and last value.
 """
 
 from __future__ import annotations
@@ -13,43 +13,53 @@ import numpy as np
 from stab_ros.core.types import FloatArray
 
 SPLIT_HZ = 1.0  # between drift and jitter
-_FEWEST = 4  # values, for anything to be said about frequencies
+_MIN_VALUES = 4  # for a spectrum
 
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """One-sided power spectral density. frequency_hz: (M,). density_px2_hz: (M,), px^2/Hz; both empty without data."""
+    """One-sided power spectral density: frequency_hz (M,) and density_px2_hz (M,), px^2/Hz; empty without data."""
 
     frequency_hz: FloatArray
     density_px2_hz: FloatArray
 
 
 def spectrum(shift_px: FloatArray, fps: float) -> Spectrum:
-    """Periodogram of a series, (T,), about its mean, under a Hann window; empty for fewer than 4 values.
+    """Periodogram of a series with a Hann window, mean removed; empty for fewer than 4 values.
 
-    Its sum times the spacing of the frequencies is the variance, as the window weighs it (Parseval).
+    Its sum times the frequency spacing is the window-weighted variance (Parseval).
+
+    Args:
+        shift_px: (T,).
+        fps: frames per second.
 
     Raises:
-        ValueError: a series that is not (T,), or `fps` that is not above 0.
+        ValueError: a series that is not (T,), or `fps` not above 0.
     """
     series = _checked(shift_px, fps)
-    if np.isfinite(series).sum() < _FEWEST:
+    if np.isfinite(series).sum() < _MIN_VALUES:
         return Spectrum(np.empty(0), np.empty(0))
-    series = _bridged(series)
+    series = _interpolated(series)
     window = np.sin(np.pi * np.arange(len(series)) / len(series)) ** 2
     power = np.abs(np.fft.rfft(window * (series - series.mean()))) ** 2
-    density = power * _occurrences(len(series)) / (fps * (window**2).sum())
+    density = power * _multiplicity(len(series)) / (fps * (window**2).sum())
     return Spectrum(np.fft.rfftfreq(len(series), 1 / fps), density)
 
 
 def jitter_and_drift(u_px: FloatArray, v_px: FloatArray, fps: float, split_hz: float = SPLIT_HZ) -> tuple[float, float]:
-    """RMS length of the shifts, px, in what is quicker than `split_hz`, and in the rest with the mean.
+    """RMS length of the displacement, px, above `split_hz` (jitter) and at or below it, with the mean (drift).
 
-    jitter^2 + drift^2 = mean(u^2 + v^2). The series are mirrored at their ends, so that a drift, whose end does not
-    fit its beginning, is not taken for jitter. With fewer than 4 values all is drift; without any, both are NaN.
+    jitter^2 + drift^2 = mean(u^2 + v^2). The series are mirrored at their ends, so that a drift does not appear as
+    jitter. With fewer than 4 values everything is drift; without values both are NaN.
+
+    Args:
+        u_px: (T,) displacement along x.
+        v_px: (T,) displacement along y.
+        fps: frames per second.
+        split_hz: frequency that separates drift and jitter.
 
     Raises:
-        ValueError: series that are not (T,) and of one length, or `fps` that is not above 0.
+        ValueError: series that are not (T,) of equal length, or `fps` not above 0.
     """
     pair = [_checked(series, fps) for series in (u_px, v_px)]
     if len(pair[0]) != len(pair[1]):
@@ -57,23 +67,23 @@ def jitter_and_drift(u_px: FloatArray, v_px: FloatArray, fps: float, split_hz: f
     known = np.isfinite(pair[0]) & np.isfinite(pair[1])
     if not known.any():
         return np.nan, np.nan
-    if known.sum() < _FEWEST:
+    if known.sum() < _MIN_VALUES:
         return 0.0, float(np.sqrt(np.mean(pair[0][known] ** 2 + pair[1][known] ** 2)))
-    path = np.stack([_bridged(np.where(known, series, np.nan)) for series in pair])
+    path = np.stack([_interpolated(np.where(known, series, np.nan)) for series in pair])
     power = _mirrored_power(path)
     quick = np.fft.rfftfreq(2 * path.shape[1], 1 / fps) > split_hz
     return float(np.sqrt(power[:, quick].sum())), float(np.sqrt(power[:, ~quick].sum()))
 
 
 def _mirrored_power(path: FloatArray) -> FloatArray:
-    """(2, M): the mean square of the series, (2, T), by frequency, each continued by its mirror image."""
+    """Mean square (2, M) of the series (2, T) by frequency, each extended by its mirror image."""
     mirrored = np.concatenate([path, path[:, ::-1]], axis=1)
     count = mirrored.shape[1]
-    return np.asarray(np.abs(np.fft.rfft(mirrored) / count) ** 2 * _occurrences(count))
+    return np.asarray(np.abs(np.fft.rfft(mirrored) / count) ** 2 * _multiplicity(count))
 
 
-def _occurrences(count: int) -> FloatArray:
-    """(count // 2 + 1,): how often each frequency of a half spectrum occurs in the whole one."""
+def _multiplicity(count: int) -> FloatArray:
+    """Multiplicity (count // 2 + 1,) of each frequency of a half spectrum in the full one."""
     times = np.full(count // 2 + 1, 2.0)
     times[0] = 1.0
     if count % 2 == 0:
@@ -88,6 +98,6 @@ def _checked(series: FloatArray, fps: float) -> FloatArray:
     return values
 
 
-def _bridged(series: FloatArray) -> FloatArray:
+def _interpolated(series: FloatArray) -> FloatArray:
     known = np.flatnonzero(np.isfinite(series))
     return np.asarray(np.interp(np.arange(len(series)), known, series[known]))

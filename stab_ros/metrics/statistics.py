@@ -1,4 +1,4 @@
-"""A series of values in a few numbers: those of the contract, and those of a box plot."""
+"""Summary statistics of a series of values, including those of a box plot."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ _WHISKER_IQR = 1.5
 class Summary:
     """Statistics of `count` values, in their unit.
 
-    q1, median, q3, p95: percentiles, interpolated linearly between values. whisker_low, whisker_high: the outermost
-    values within 1.5 interquartile ranges of the quartiles (Tukey's box plot, as in Ljubicic et al. 2021, figures 11
-    to 14). outliers: the values beyond them, in rising order.
+    Attributes:
+        q1, median, q3, p95: percentiles, linearly interpolated.
+        whisker_low, whisker_high: outermost values within 1.5 interquartile ranges of the quartiles (Tukey's box plot,
+            as in Ljubicic et al. 2021, figures 11 to 14).
+        outliers: values outside the whiskers, ascending.
     """
 
     median: float
@@ -32,7 +34,7 @@ class Summary:
 
 
 def summarize(values: Sequence[float]) -> Summary | None:
-    """The statistics of the values that are finite (NaN: not measured); None without any."""
+    """Statistics of the finite values (NaN: not measured); None without any."""
     known = np.sort(np.asarray(values, np.float64))
     known = known[np.isfinite(known)]
     if not len(known):

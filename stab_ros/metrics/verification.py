@@ -1,8 +1,8 @@
-"""Where the stabilised picture is compared with the reference: verification points, and what their RMSD means.
+"""Verification points, at which a stabilized image is compared with the reference, and their calibration.
 
-Ljubicic et al. (2021, 3.2) take those of many candidates that have the highest R^2 of d(RMSD). So do we, spread over
-the picture. Features of 5 to 15 px win by themselves: over fine gravel RMSD soon stops rising, and no polynomial
-follows that.
+Ljubicic et al. (2021, section 3.2) choose the candidates with the highest R^2 of d(RMSD); here they are also spread
+over the image. This favours features of 5 to 15 px: on fine gravel, RMSD soon reaches a plateau that no polynomial
+fits.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ import numpy as np
 from stab_ros.core.errors import InputError
 from stab_ros.core.types import BoolArray, Gray
 from stab_ros.metrics._r2_map import candidates, quality
-from stab_ros.metrics._sweep import MARGIN_PX, Sweep
-from stab_ros.metrics.calibration import Calibration, Curve, fitted, is_flat
+from stab_ros.metrics._shift_response import MARGIN_PX, ShiftResponse
+from stab_ros.metrics.calibration import Calibration, Curve, fit_calibration, is_flat
 
 WINDOWS_PX = (15, 19, 23, 27, 31, 35, 39, 43, 47, 51)
-_MAP_WINDOW_PX = 31  # where the window is still to be chosen
-_PER_CELL = 4  # candidates; there are about as many cells as points wanted
-_CROWDED = 0.05  # of quality that a point right beside another one must be better by
-_WORSE = 0.05  # of quality that a point may be worse by than the best few
-_FEW = 6
+_MAP_WINDOW_PX = 31  # of the candidates, if the window is chosen automatically
+_PER_CELL = 4  # candidates per cell; the number of cells is about the number of points
+_CROWDING_PENALTY = 0.05  # of quality, for a point next to another one
+_QUALITY_MARGIN = 0.05  # largest difference of quality to the best few
+_BEST_FEW = 6
 _GOOD_RANGE_PX = 5.0
-_LEAST_R2 = 0.6
-_LEAST_STRENGTH, _LEAST_STRENGTH_NOISES = 1.0, 0.6  # RMSD at 1 px, in grey levels and in units of the noise
+_MIN_R2 = 0.6
+_MIN_STRENGTH, _MIN_STRENGTH_TO_NOISE = 1.0, 0.6  # RMSD at 1 px, grey levels and ratio to the noise
 
 
 @dataclass(frozen=True, eq=False)
 class VerificationPoint:
-    """A point of the reference, the middle of its window, with what was calibrated there."""
+    """A point of the reference (x_px, y_px), the centre of its window, with its calibration."""
 
     name: str
     x_px: int
@@ -44,34 +44,43 @@ class VerificationPoint:
 
 def choose_points(reference: Gray, allowed: BoolArray, count: int, window_px: int,
                   noise_sigma: float) -> tuple[VerificationPoint, ...]:
-    """At most `count` verification points of `reference` (h, w) uint8, named V1, V2, ... from the top down.
+    """Automatic verification points, named V1, V2, ... from top to bottom; fewer if the image lacks good ones.
 
-    allowed: (h, w) bool, where a window and what its calibration reads around it must lie. window_px: N, odd; 0 takes
-    that of WINDOWS_PX with the highest mean R^2 (3.2). noise_sigma: of the reference, grey levels. Fewer points, down
-    to none, where the picture has no more that are worth it.
+    Args:
+        reference: (h, w) uint8.
+        allowed: (h, w) bool, must contain each window and the pixels around it that the calibration reads.
+        count: largest number of points.
+        window_px: side of the window, odd; 0 chooses that of WINDOWS_PX with the highest mean R^2 (section 3.2).
+        noise_sigma: standard deviation of the noise of the reference, grey levels.
 
     Raises:
         ValueError: an even window.
     """
-    windows, possible = _that_fit(allowed, _windows(window_px))
-    if count < 1 or not possible.any():
+    windows, placeable = _fitting_windows(allowed, _windows(window_px))
+    if count < 1 or not placeable.any():
         return ()
-    spacing_px = float(np.sqrt(possible.sum() / count))
+    spacing_px = float(np.sqrt(placeable.sum() / count))
     map_window_px = window_px or min(_MAP_WINDOW_PX, windows[-1])
-    places = candidates(reference, possible, map_window_px, noise_sigma, spacing_px, _PER_CELL)
-    found = _calibrated(reference, [("", *place) for place in places.tolist()], windows, noise_sigma)
-    useful = [point for point in found if point.calibration.r2 >= _LEAST_R2 and _has_texture(point, noise_sigma)]
-    chosen = _worthwhile(_spread(useful, count, spacing_px, noise_sigma), noise_sigma)
+    places = candidates(reference, placeable, map_window_px, noise_sigma, spacing_px, _PER_CELL)
+    found = _calibrate_all(reference, [("", *place) for place in places.tolist()], windows, noise_sigma)
+    useful = [point for point in found if point.calibration.r2 >= _MIN_R2 and _has_texture(point, noise_sigma)]
+    chosen = _good_enough(_spread(useful, count, spacing_px, noise_sigma), noise_sigma)
     ordered = sorted(chosen, key=lambda point: (point.y_px, point.x_px))
     return tuple(replace(point, name=f"V{number}") for number, point in enumerate(ordered, 1))
 
 
 def calibrated_points(reference: Gray, named: Sequence[tuple[str, float, float]], window_px: int,
                       noise_sigma: float) -> tuple[VerificationPoint, ...]:
-    """The points a user names (name, x, y, px), rounded to pixels; window and noise as for `choose_points`.
+    """Verification points given by the user.
+
+    Args:
+        reference: (h, w) uint8.
+        named: name, x and y of each point, px; rounded to whole pixels.
+        window_px: see `choose_points`.
+        noise_sigma: see `choose_points`.
 
     Raises:
-        InputError: a point whose window leaves the picture, or holds too little texture to tell a shift by.
+        InputError: the window of a point is not completely inside the image, or has too little texture.
         ValueError: an even window.
     """
     places = [(name, round(x), round(y)) for name, x, y in named]
@@ -79,24 +88,24 @@ def calibrated_points(reference: Gray, named: Sequence[tuple[str, float, float]]
     for place in places:
         _check_inside(place, windows[0], reference.shape)
     windows = tuple(n for n in windows if all(_is_inside(place, n, reference.shape) for place in places))
-    points = _calibrated(reference, places, windows, noise_sigma)
+    points = _calibrate_all(reference, places, windows, noise_sigma)
     with_texture = {point.name for point in points if _has_texture(point, noise_sigma)}
     for name, x, y in places:
         if name not in with_texture:
-            raise InputError(f"point {name!r} at ({x}, {y}): too little texture to tell a shift by, "
+            raise InputError(f"point {name!r} at ({x}, {y}): too little texture to measure a shift, "
                              "it must lie on something static with structure in both directions")
     return points
 
 
-def _calibrated(reference: Gray, places: Sequence[tuple[str, int, int]], windows: tuple[int, ...],
+def _calibrate_all(reference: Gray, places: Sequence[tuple[str, int, int]], windows: tuple[int, ...],
                 noise_sigma: float) -> tuple[VerificationPoint, ...]:
-    """The places (name, x, y) with texture, all with that one of the windows that has the highest mean R^2."""
-    sweep = Sweep(reference, noise_sigma)
+    """The points (name, x, y) with texture, all with the window that has the highest mean R^2."""
+    response = ShiftResponse(reference, noise_sigma)
     by_window: dict[int, list[VerificationPoint]] = {window: [] for window in windows}
     for name, x, y in places:
-        for window, rmsd in zip(windows, sweep.rmsd((x, y), windows), strict=True):
+        for window, rmsd in zip(windows, response.rmsd((x, y), windows), strict=True):
             if not is_flat(rmsd):
-                by_window[window].append(VerificationPoint(name, x, y, *fitted(rmsd, window)))
+                by_window[window].append(VerificationPoint(name, x, y, *fit_calibration(rmsd, window)))
     best = max(by_window.values(), key=_mean_r2)
     return tuple(best)
 
@@ -107,22 +116,22 @@ def _mean_r2(points: Sequence[VerificationPoint]) -> float:
 
 def _spread(points: Sequence[VerificationPoint], count: int, spacing_px: float,
             noise_sigma: float) -> list[VerificationPoint]:
-    """At most `count` points whose windows do not overlap, the best first; crowded ones must be better than others."""
+    """At most `count` points with disjoint windows, best first, with a penalty for points close to chosen ones."""
     left = [(point, _quality(point, noise_sigma)) for point in points]
     chosen: list[VerificationPoint] = []
     while left and len(chosen) < count:
         best, _ = max(left, key=lambda item: item[1])
         chosen.append(best)
         apart = [(item, _distance_px(item[0], best)) for item in left]
-        left = [(point, value - _CROWDED * max(0.0, 1 - distance / spacing_px))
+        left = [(point, value - _CROWDING_PENALTY * max(0.0, 1 - distance / spacing_px))
                 for (point, value), distance in apart if distance >= best.calibration.window_px]
     return chosen
 
 
-def _worthwhile(points: Sequence[VerificationPoint], noise_sigma: float) -> list[VerificationPoint]:
-    """Those that are hardly worse than the best few."""
+def _good_enough(points: Sequence[VerificationPoint], noise_sigma: float) -> list[VerificationPoint]:
+    """The points whose quality is close to that of the best few."""
     values = [_quality(point, noise_sigma) for point in points]
-    bar = sorted(values, reverse=True)[min(_FEW, len(values)) - 1] - _WORSE if values else 0
+    bar = sorted(values, reverse=True)[min(_BEST_FEW, len(values)) - 1] - _QUALITY_MARGIN if values else 0
     return [point for point, value in zip(points, values, strict=True) if value >= bar]
 
 
@@ -132,7 +141,7 @@ def _quality(point: VerificationPoint, noise_sigma: float) -> float:
 
 
 def _has_texture(point: VerificationPoint, noise_sigma: float) -> bool:
-    return point.curve.strength >= max(_LEAST_STRENGTH, _LEAST_STRENGTH_NOISES * noise_sigma)
+    return point.curve.strength >= max(_MIN_STRENGTH, _MIN_STRENGTH_TO_NOISE * noise_sigma)
 
 
 def _distance_px(a: VerificationPoint, b: VerificationPoint) -> int:
@@ -147,8 +156,8 @@ def _windows(window_px: int) -> tuple[int, ...]:
     return (window_px,)
 
 
-def _that_fit(allowed: BoolArray, windows: tuple[int, ...]) -> tuple[tuple[int, ...], BoolArray]:
-    """The windows up to the largest that has a place, and where that is."""
+def _fitting_windows(allowed: BoolArray, windows: tuple[int, ...]) -> tuple[tuple[int, ...], BoolArray]:
+    """The windows up to the largest that fits into `allowed`, and the mask (h, w) of its possible centres."""
     for last in range(len(windows), 0, -1):
         side = windows[last - 1] + 2 * MARGIN_PX
         inner = cv2.erode(allowed.astype(np.uint8), np.ones((side, side), np.uint8),
@@ -162,7 +171,7 @@ def _check_inside(place: tuple[str, int, int], window_px: int, shape: tuple[int,
     if not _is_inside(place, window_px, shape):
         name, x, y = place
         raise InputError(f"point {name!r} at ({x}, {y}): its window of {window_px} px leaves the {shape[1]}x{shape[0]} "
-                         f"picture, it must be {window_px // 2} px from every side")
+                         f"image, it must be {window_px // 2} px from every side")
 
 
 def _is_inside(place: tuple[str, int, int], window_px: int, shape: tuple[int, ...]) -> bool:

@@ -1,1 +1,1 @@
-"""A rendered river with a physical camera and exact homographies: truth to measure against."""
+"""Rendered river flights with a physical camera model and exact homographies: ground truth for tests and benchmarks."""

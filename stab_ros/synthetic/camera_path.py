@@ -1,7 +1,8 @@
-"""A pinhole camera over the plane z = 0 and the path it flies: the exact homography of every frame.
+"""A pinhole camera over the plane z = 0 and its path: the exact homography of every frame.
 
-World: x to the right and y to the lower edge of a nominal picture, z into the ground, metres; the camera stands at
-z = -height and looks down. Its own axes are x right, y down, z along the view: unturned, it sees the ground upright.
+World coordinates, in m: x to the right and y to the bottom of a nominal image, z into the ground. The camera is at
+z = -height and looks down. Its axes are x right, y down, z along the view; without rotation they are parallel to the
+world's.
 """
 
 from __future__ import annotations
@@ -13,13 +14,13 @@ import numpy as np
 
 from stab_ros.core.types import FloatArray, Homography
 
-# a coordinate sways by three waves: frequency and amplitude beside the named ones
+# each coordinate oscillates by three sine waves: frequency and amplitude relative to the given ones
 _WAVES = ((1.0, 1.0), (2.3, 0.3), (5.9, 0.06))
 
 
 @dataclass(frozen=True)
 class Pose:
-    """Where the camera is (m) and how it is turned (degrees) about its view axis, its x axis and its y axis."""
+    """Position of the camera, m, and its rotation about the view axis, its x axis and its y axis, degrees."""
 
     x_m: float = 0.0
     y_m: float = 0.0
@@ -37,20 +38,21 @@ class Pose:
 
 @dataclass(frozen=True)
 class Gust:
-    """A sudden move: by `move`, from `start_s` on, smoothly over `duration_s`."""
+    """A sudden change of pose by `move`, smoothly over `duration_s` from `start_s` on."""
 
     start_s: float
     duration_s: float
     move: Pose
 
     def at(self, time_s: float) -> Pose:
+        """The part of `move` that is completed at `time_s`."""
         done = min(max((time_s - self.start_s) / self.duration_s, 0.0), 1.0)
         return self.move * (done * done * (3 - 2 * done))
 
 
 @dataclass(frozen=True)
 class Motion:
-    """How a hovering camera moves: a steady `drift_per_s`, a `sway` of given amplitude about `sway_hz`, and gusts."""
+    """Motion of a hovering camera: oscillation of amplitude `sway` around `sway_hz`, linear drift, and gusts."""
 
     sway: Pose
     sway_hz: float
@@ -58,7 +60,7 @@ class Motion:
     gusts: tuple[Gust, ...] = ()
 
     def at(self, time_s: float, seed: int) -> Pose:
-        """The departure from the nominal pose; `seed` chooses the phases."""
+        """Deviation from the nominal pose at `time_s`; `seed` selects the phases."""
         moved = self.drift_per_s * time_s + self._sway(time_s, seed)
         for gust in self.gusts:
             moved = moved + gust.at(time_s)
@@ -67,7 +69,7 @@ class Motion:
     def _sway(self, time_s: float, seed: int) -> Pose:
         names = [f.name for f in fields(Pose)]
         phases = np.random.default_rng([seed, 1]).uniform(0, 2 * math.pi, (len(names), len(_WAVES)))
-        spread = np.random.default_rng([seed, 2]).uniform(0.8, 1.25, len(names))  # no two coordinates in step
+        spread = np.random.default_rng([seed, 2]).uniform(0.8, 1.25, len(names))  # a frequency for each coordinate
         values = []
         for name, phase, own in zip(names, phases, spread, strict=True):
             angle = 2 * math.pi * self.sway_hz * own * time_s
@@ -78,24 +80,30 @@ class Motion:
 
 @dataclass(frozen=True)
 class PinholeCamera:
-    """size: width, height, px. focal_px: focal length. The principal point is the centre of the picture."""
+    """A camera without distortion, with the principal point in the image centre.
+
+    Attributes:
+        size: width and height, px.
+        focal_px: focal length.
+    """
 
     size: tuple[int, int]
     focal_px: float
 
     @property
     def K(self) -> FloatArray:
+        """Intrinsic matrix (3, 3), px."""
         width, height = self.size
         return np.array([[self.focal_px, 0, (width - 1) / 2], [0, self.focal_px, (height - 1) / 2], [0, 0, 1.0]])
 
     def image_H_plane(self, pose: Pose) -> Homography:
-        """Maps a ground point (x, y), m, to the pixel that sees it: K R [e1 e2 -C]."""
+        """Homography K R [e1 e2 -C] from ground points (x, y), m, to pixels (Hartley and Zisserman 2004, eq. 8.1)."""
         centre = np.array([pose.x_m, pose.y_m, -pose.height_m])
         return product(self.K, product(_rotation(pose), np.column_stack([np.eye(3)[:, :2], -centre])))
 
 
 def _rotation(pose: Pose) -> FloatArray:
-    """(3, 3), from world to camera axes: yaw about the view axis first, then pitch about x, then roll about y."""
+    """Rotation (3, 3) from world to camera axes: yaw about the view axis, then pitch about x, then roll about y."""
     (cy, sy), (cp, sp), (cr, sr) = (
         (math.cos(math.radians(a)), math.sin(math.radians(a))) for a in (pose.yaw_deg, pose.pitch_deg, pose.roll_deg)
     )
@@ -106,12 +114,12 @@ def _rotation(pose: Pose) -> FloatArray:
 
 
 def product(A: FloatArray, B: FloatArray) -> FloatArray:
-    """A B of (3, 3) matrices, to the same last bit on every machine: BLAS and numpy's sums keep no fixed order."""
+    """A B of (3, 3) matrices, bit-identical on every machine; BLAS and numpy do not fix the order of summation."""
     return np.asarray(A[:, :1] * B[:1] + A[:, 1:2] * B[1:2] + A[:, 2:] * B[2:])
 
 
 def inverse(A: FloatArray) -> FloatArray:
-    """The inverse of a (3, 3) matrix by its cofactors, likewise."""
+    """Inverse of a (3, 3) matrix by its cofactors, bit-identical on every machine."""
     cofactors = np.stack([np.cross(A[1], A[2]), np.cross(A[2], A[0]), np.cross(A[0], A[1])], axis=1)
     a, b, c = A[0] * cofactors[:, 0]
     return np.asarray(cofactors / (a + b + c))

@@ -1,4 +1,4 @@
-"""A synthetic drone flight over a river: pictures, and the exact homography of each.
+"""A synthetic drone flight over a river: images and the exact homography of each.
 
     for shot in Flight(preset("kolubara"), size=(1920, 1080), frames=40, seed=1):
         shot.image, shot.ref_H_cur
@@ -21,13 +21,13 @@ from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, Image
 from stab_ros.synthetic.camera_path import PinholeCamera, Pose, inverse, product
 from stab_ros.synthetic.render import Surface, add_tracers, colored, quantised, render_gray, water_mask
 from stab_ros.synthetic.river import SCENES, SceneSettings, preset
-from stab_ros.synthetic.terrain import Extent, Ground, Layout, centre_line, make_ground, place_m
+from stab_ros.synthetic.terrain import Extent, GroundTexture, Layout, centre_line, make_ground, place_m
 from stab_ros.synthetic.textures import natural_texture
 
 __all__ = ["SCENES", "Flight", "SceneSettings", "Shot", "preset"]
 
-FIRST_STAMP_NS = 1_000_000_000  # as for a video without stamps
-_TEXEL_PX = math.sqrt(0.2)  # finer than the two samples a pixel has per axis, and in no simple ratio to them
+FIRST_STAMP_NS = 1_000_000_000  # as for videos without stamps
+_TEXEL_PX = math.sqrt(0.2)  # finer than the two samples per pixel and axis, in an irrational ratio to them
 _MARGIN_TEXELS = 16
 _RIPPLE_LIFE_S = 1.6
 _TRACER_LEVEL = 110.0
@@ -36,9 +36,15 @@ _RIGID_CONTRAST = 2.5  # ripples as strong as gravel
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """One frame. image: (h, w) or (h, w, 3) bgr uint8. ref_H_cur: exact, to the pixels of frame 0.
+    """One frame of a flight.
 
-    water: (h, w) bool in reference pixels, where frame 0 shows any water (the same array in every shot).
+    Attributes:
+        index: number of the frame, from 0.
+        stamp_ns: time stamp.
+        image: (h, w) or (h, w, 3) bgr uint8.
+        ref_H_cur: exact homography to the pixels of frame 0.
+        pose: of the camera.
+        water: (h, w) bool, water in frame 0 (the same array in every shot).
     """
 
     index: int
@@ -50,10 +56,16 @@ class Shot:
 
 
 class Flight:
-    """`frames` pictures of `size` (width, height) px over the river of a preset; iterable, and indexable by frame.
+    """A sequence of frames over the river of a scene, iterable and indexable.
 
-    still: (h, w) uint8 picture that takes the place of the made-up banks. color: bgr in place of grey pictures.
-    start_ns: stamp of frame 0.
+    Args:
+        preset: scene and camera path.
+        size: width and height of the images, px; None for those of the scene.
+        frames: number of frames.
+        seed: of all random numbers.
+        still: (h, w) uint8 image of the ground in place of the procedural one.
+        color: whether the images are bgr instead of gray.
+        start_ns: stamp of frame 0.
 
     Raises:
         InputError: a size below 64 px, no frames, or a still that is not (h, w) uint8.
@@ -71,7 +83,7 @@ class Flight:
             raise InputError(f"a still of {still.shape} {still.dtype}, it must be (h, w) uint8")
         self.gsd_m = preset.ground_m[0] / self.size[0]
         self.camera = PinholeCamera(self.size, preset.focal_share * self.size[0])
-        self.ground: Ground = make_ground(preset, self._extent(), seed, still)
+        self.ground: GroundTexture = make_ground(preset, self._extent(), seed, still)
         self._waves = natural_texture([seed, 30], 0.9, 40.0, stretch=0.6)
         self._flow = self.ground.flow / np.float32(self.ground.extent.texel_m)
         self._tracers = self._scatter_tracers()
@@ -89,29 +101,31 @@ class Flight:
         return Shot(index, self.stamp_ns(index), image, ref_H_cur, self.pose(index), self.water)
 
     def stamp_ns(self, index: int) -> int:
+        """Time stamp of frame `index`."""
         return self.start_ns + round(index * 1e9 / self.preset.fps)
 
     def ref_H_cur(self, index: int) -> Homography:
-        """The truth: from pixels of frame `index` to pixels of frame 0."""
+        """Ground truth homography (3, 3) from pixels of frame `index` to pixels of frame 0."""
         if index == 0:
             return np.eye(3)
         return normalized(product(self.image_H_plane(0), inverse(self.image_H_plane(index))))
 
     def image_H_plane(self, index: int) -> Homography:
-        """From ground coordinates (m) to pixels of frame `index`."""
+        """Homography (3, 3) from ground coordinates, m, to pixels of frame `index`."""
         return self.camera.image_H_plane(self.pose(index))
 
     def pose(self, index: int) -> Pose:
+        """Pose of the camera in frame `index`."""
         return self._pose_at(index / self.preset.fps)
 
     @cached_property
     def water(self) -> BoolArray:
-        """(h, w) bool, where frame 0 shows any water."""
+        """Mask (h, w) bool of the water in frame 0."""
         return np.asarray(water_mask(self.size, self._texel_H_image(0), self.ground.water))
 
     @cached_property
     def control_points_px(self) -> FloatArray:
-        """(n, 2), the centres of the ground control points in frame 0."""
+        """Centres (n, 2) of the ground control points in frame 0, px."""
         places = np.array([place_m(self.preset, p.place) for p in self.preset.control_points]).reshape(-1, 2)
         return apply(self.image_H_plane(0), places)
 
@@ -119,7 +133,7 @@ class Flight:
         return Pose(height_m=self.preset.height_m) + self.preset.motion.at(time_s, self.seed)
 
     def _extent(self) -> Extent:
-        """All the ground the camera sees over the preset's duration, so that it does not depend on `frames`."""
+        """The ground visible during the scene's duration, so that shorter flights have the same ground."""
         width, height = self.size
         corners = np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1.0]])
         last_s = max(self.preset.duration_s, self.frames / self.preset.fps)
@@ -140,21 +154,21 @@ class Flight:
 
     def _image(self, index: int) -> Image:
         ground, texel_H_image = self.ground, self._texel_H_image(index)
-        picture = render_gray(self.size, texel_H_image, ground.brightness, ground.water, self._surface(index))
-        add_tracers(picture, self._tracers_in(index))
+        image = render_gray(self.size, texel_H_image, ground.brightness, ground.water, self._surface(index))
+        add_tracers(image, self._tracers_in(index))
         if self.color:
-            picture = colored(picture, texel_H_image, ground.tint)
-        return self._exposed(index, picture)
+            image = colored(image, texel_H_image, ground.tint)
+        return self._exposed(index, image)
 
-    def _exposed(self, index: int, picture: Image) -> Image:
-        """Brightness and contrast wander over the flight; then noise, and rounding to grey levels."""
+    def _exposed(self, index: int, image: Image) -> Image:
+        """The image with varying brightness and contrast, noise, and rounding to grey levels."""
         time_s, share = index / self.preset.fps, self.preset.brightness
         gain = 1 + share * math.sin(2 * math.pi * 0.13 * time_s + self.seed)
         offset = 100 * share * math.sin(2 * math.pi * 0.31 * time_s + 2 * self.seed)
-        noise = np.random.default_rng([self.seed, 50, index]).standard_normal(picture.size, dtype=np.float32)
+        noise = np.random.default_rng([self.seed, 50, index]).standard_normal(image.size, dtype=np.float32)
         noise *= np.float32(self.preset.noise_levels)
-        levels = quantised(picture.ravel(), noise, np.float32(gain), np.float32(offset))
-        return np.asarray(levels).reshape(picture.shape)
+        levels = quantised(image.ravel(), noise, np.float32(gain), np.float32(offset))
+        return np.asarray(levels).reshape(image.shape)
 
     def _surface(self, index: int) -> Surface:
         width, height = self.size
@@ -163,7 +177,7 @@ class Flight:
         return Surface(self._flow, self._waves, self._ripple_lives(index), glint, contrast)
 
     def _ripple_lives(self, index: int) -> FloatArray:
-        """(2, 4): age in s from the middle of its life, weight, texture offset x, y of both generations of ripples."""
+        """Two overlapping generations of ripples (2, 4): age from mid-life, s, weight, texture offset x and y."""
         if self.preset.stream.rigid:
             return np.array([[index / self.preset.fps, 1.0, 0, 0], [0.0, 0, 0, 0]])
         lives = []
@@ -175,7 +189,7 @@ class Flight:
         return np.array(lives)
 
     def _scatter_tracers(self) -> FloatArray:
-        """(n, 4): start x in m, place across the stream in (-1, 1), radius in m, brightness."""
+        """Tracer particles (n, 4): initial x, m, position across the stream in (-1, 1), radius, m, brightness."""
         extent, layout = self.ground.extent, Layout.of(self.preset)
         length = extent.shape[1] * extent.texel_m
         n = int(self.preset.tracers_per_m2 * length * 2 * layout.half_width_m)
@@ -184,7 +198,7 @@ class Flight:
                          rng.uniform(0.001, 0.003, n) * layout.unit_m, rng.uniform(0.4, 1.0, n)], axis=1)
 
     def _tracers_in(self, index: int) -> FloatArray:
-        """(n, 4): x, y, sigma in px and brightness of the tracers as frame `index` sees them; none over land."""
+        """Tracer particles (n, 4) in frame `index`: x, y and sigma, px, and brightness, which is 0 over land."""
         extent, layout = self.ground.extent, Layout.of(self.preset)
         start, across, radius, bright = self._tracers.T
         length = extent.shape[1] * extent.texel_m

@@ -1,8 +1,8 @@
-"""What a camera sees of the ground and the water at one instant: the kernels of the renderer.
+"""Kernels of the renderer: the image of the ground and the water at one instant.
 
-A pixel of dry ground is the mean of 2 x 2 samples, as if the picture was made at twice its size and area-averaged: the
-sample centres lie a quarter of a pixel off the pixel's centre. Sampling is in double precision, by splines: cv2's warps
-round coordinates to 1/32 px.
+A pixel of dry ground is the mean of 2 x 2 samples a quarter of a pixel from its centre, as in an area average of an
+image of twice the size. Sampling is by splines in double precision, because OpenCV's warps round coordinates to
+1/32 px.
 """
 
 from __future__ import annotations
@@ -17,41 +17,41 @@ from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, Image
 from stab_ros.synthetic.terrain import COARSE
 from stab_ros.synthetic.textures import Texture, sample_texture
 
-Picture: TypeAlias = NDArray[np.float32]  # grey levels, before noise and rounding
+FloatImage: TypeAlias = NDArray[np.float32]  # grey levels, before noise and rounding
 
 _FINE_WAVES, _BROAD_WAVES = 0.5, 0.17  # texels of the texture per texel of ground
-_COLORLESS = np.float32(225)  # what is as bright as this is white: control points, glitter
+_COLORLESS = np.float32(225)  # grey level from which on colours are white: control points, glitter
 
 
 @lazy_kernel(inline="always")
 def _weights(t: np.float32) -> tuple[np.float32, np.float32, np.float32]:
-    """Weights of the three neighbours at t in [-1/2, 1/2] from the middle one: the quadratic B-spline."""
+    """Weights of three neighbours in a quadratic B-spline at t in [-1/2, 1/2] from the middle one."""
     half = np.float32(0.5)
     return half * (half - t) * (half - t), np.float32(0.75) - t * t, half * (half + t) * (half + t)
 
 
 @lazy_kernel(inline="always")
-def _sample_spline(picture: Gray, x: float, y: float) -> np.float32:
-    """uint8 `picture` as the smooth surface whose spline coefficients it holds."""
-    column = min(max(int(x + 0.5), 1), picture.shape[1] - 2)
-    row = min(max(int(y + 0.5), 1), picture.shape[0] - 2)
+def _sample_spline(image: Gray, x: float, y: float) -> np.float32:
+    """Value at (x, y) of the spline surface with the coefficients `image` (h, w) uint8."""
+    column = min(max(int(x + 0.5), 1), image.shape[1] - 2)
+    row = min(max(int(y + 0.5), 1), image.shape[0] - 2)
     a0, a1, a2 = _weights(np.float32(x - column))
     b0, b1, b2 = _weights(np.float32(y - row))
     total = np.float32(0)
     for i, weight in ((row - 1, b0), (row, b1), (row + 1, b2)):
-        left, middle, right = picture[i, column - 1], picture[i, column], picture[i, column + 1]
+        left, middle, right = image[i, column - 1], image[i, column], image[i, column + 1]
         total += weight * (a0 * np.float32(left) + a1 * np.float32(middle) + a2 * np.float32(right))
     return total
 
 
 @lazy_kernel(inline="always")
-def _sample_linear(picture: Image, x: float, y: float) -> np.float32:
-    left = min(max(int(np.floor(x)), 0), picture.shape[1] - 2)
-    top = min(max(int(np.floor(y)), 0), picture.shape[0] - 2)
+def _sample_linear(image: Image, x: float, y: float) -> np.float32:
+    left = min(max(int(np.floor(x)), 0), image.shape[1] - 2)
+    top = min(max(int(np.floor(y)), 0), image.shape[0] - 2)
     fx = np.float32(min(max(x - left, 0.0), 1.0))
     fy = np.float32(min(max(y - top, 0.0), 1.0))
-    a, b = np.float32(picture[top, left]), np.float32(picture[top, left + 1])
-    c, d = np.float32(picture[top + 1, left]), np.float32(picture[top + 1, left + 1])
+    a, b = np.float32(image[top, left]), np.float32(image[top, left + 1])
+    c, d = np.float32(image[top + 1, left]), np.float32(image[top + 1, left + 1])
     upper = a + fx * (b - a)
     return upper + fy * (c + fx * (d - c) - upper)
 
@@ -64,12 +64,17 @@ def _texel(H: Homography, u: float, v: float) -> tuple[float, float]:
 
 @lazy_kernel()
 def render_gray(size: tuple[int, int], texel_H_image: Homography, brightness: Gray, water: Gray,
-                surface: Surface) -> Picture:
-    """(h, w) float32 grey levels of ground and water, without noise.
+                surface: Surface) -> FloatImage:
+    """Grey levels (h, w) float32 of ground and water, without noise.
 
-    size: width, height, px. texel_H_image: (3, 3), from pixels to texels. brightness, water: of the ground, (h, w).
+    Args:
+        size: width and height, px.
+        texel_H_image: (3, 3), from pixels to texels.
+        brightness: (h, w) uint8, see `GroundTexture`.
+        water: (h, w) uint8, see `GroundTexture`.
+        surface: of the water.
     """
-    picture = np.empty((size[1], size[0]), np.float32)
+    image = np.empty((size[1], size[0]), np.float32)
     for v in range(size[1]):
         for u in range(size[0]):
             tx, ty = _texel(texel_H_image, u, v)
@@ -79,8 +84,8 @@ def render_gray(size: tuple[int, int], texel_H_image: Homography, brightness: Gr
                 level += (1 - wet) * _land_level(texel_H_image, brightness, u, v)
             if wet > 0:
                 level += wet * _water_level(surface, u, v, tx, ty)
-            picture[v, u] = level
-    return picture
+            image[v, u] = level
+    return image
 
 
 @lazy_kernel(inline="always")
@@ -94,11 +99,14 @@ def _land_level(texel_H_image: Homography, brightness: Gray, u: int, v: int) -> 
 
 
 class Surface(NamedTuple):
-    """The water's surface at one instant.
+    """The water surface at one instant.
 
-    flow: (h/8, w/8, 2) float32 velocity, texels/s. waves: texture of the ripples. lives: (2, 4) age in s, weight and
-    texture offset x, y of two generations of ripples. glint: (3,) centre x, y and reach of the sun's glitter, px.
-    contrast: of the ripples, 1 for those of a calm river.
+    Attributes:
+        flow: (h/8, w/8, 2) float32 velocity, texels/s.
+        waves: texture of the ripples.
+        lives: (2, 4) age, s, weight and texture offset x, y of two generations of ripples.
+        glint: (3,) centre x, y and radius of the sun glint, px.
+        contrast: of the ripples; 1 for a calm river.
     """
 
     flow: NDArray[np.float32]
@@ -110,7 +118,7 @@ class Surface(NamedTuple):
 
 @lazy_kernel(inline="always")
 def _water_level(surface: Surface, u: int, v: int, tx: float, ty: float) -> np.float32:
-    """Ripples carried by the flow, two generations that fade into each other, and glitter where the sun stands."""
+    """Grey level of the water: two generations of ripples, advected and cross-faded, and sun glint."""
     flow, waves, lives, glint, contrast = surface
     along = _sample_linear(flow[:, :, 0], tx / COARSE, ty / COARSE)
     across = _sample_linear(flow[:, :, 1], tx / COARSE, ty / COARSE)
@@ -130,7 +138,7 @@ def _water_level(surface: Surface, u: int, v: int, tx: float, ty: float) -> np.f
 
 @lazy_kernel()
 def water_mask(size: tuple[int, int], texel_H_image: Homography, water: Gray) -> BoolArray:
-    """(h, w) bool: where a pixel shows any water."""
+    """Mask (h, w) bool of the pixels that show any water."""
     mask = np.zeros((size[1], size[0]), np.bool_)
     for v in range(size[1]):
         for u in range(size[0]):
@@ -140,26 +148,26 @@ def water_mask(size: tuple[int, int], texel_H_image: Homography, water: Gray) ->
 
 
 @lazy_kernel()
-def add_tracers(picture: Picture, tracers: FloatArray) -> None:
-    """Adds floating particles, (n, 4): x, y, sigma in px, height in grey levels; a Gaussian each."""
+def add_tracers(image: FloatImage, tracers: FloatArray) -> None:
+    """Adds Gaussian tracer particles (n, 4): x, y and sigma, px, and amplitude, grey levels."""
     for k in range(len(tracers)):
         x, y, sigma, level = tracers[k]
         reach = 3 * sigma + 1
-        for v in range(max(int(y - reach), 0), min(int(y + reach) + 2, picture.shape[0])):
-            for u in range(max(int(x - reach), 0), min(int(x + reach) + 2, picture.shape[1])):
+        for v in range(max(int(y - reach), 0), min(int(y + reach) + 2, image.shape[0])):
+            for u in range(max(int(x - reach), 0), min(int(x + reach) + 2, image.shape[1])):
                 near = np.exp(-((u - x) ** 2 + (v - y) ** 2) / (2 * sigma * sigma))
-                picture[v, u] += np.float32(level * near)
+                image[v, u] += np.float32(level * near)
 
 
 @lazy_kernel()
-def colored(picture: Picture, texel_H_image: Homography, tint: NDArray[np.float32]) -> Picture:
-    """(h, w, 3) float32 bgr from grey levels and the ground's tint."""
-    rows, columns = picture.shape
+def colored(image: FloatImage, texel_H_image: Homography, tint: NDArray[np.float32]) -> FloatImage:
+    """Colour image (h, w, 3) float32 bgr from grey levels and the tint of the ground."""
+    rows, columns = image.shape
     result = np.empty((rows, columns, 3), np.float32)
     for v in range(rows):
         for u in range(columns):
             tx, ty = _texel(texel_H_image, u, v)
-            level = picture[v, u]
+            level = image[v, u]
             share = min(max((_COLORLESS - level) / np.float32(80), np.float32(0)), np.float32(1))
             for c in range(3):
                 factor = _sample_linear(tint[:, :, c], tx / COARSE, ty / COARSE) - np.float32(1)
@@ -168,10 +176,10 @@ def colored(picture: Picture, texel_H_image: Homography, tint: NDArray[np.float3
 
 
 @lazy_kernel()
-def quantised(picture: Picture, noise: Picture, gain: np.float32, offset: np.float32) -> Image:
-    """uint8 of gain * picture + offset + noise, rounded; all arrays flat float32."""
-    result = np.empty(len(picture), np.uint8)
-    for i in range(len(picture)):
-        level = gain * picture[i] + offset + noise[i] + np.float32(0.5)
+def quantised(image: FloatImage, noise: FloatImage, gain: np.float32, offset: np.float32) -> Image:
+    """Gain * image + offset + noise, rounded to uint8; all arrays are flat float32."""
+    result = np.empty(len(image), np.uint8)
+    for i in range(len(image)):
+        level = gain * image[i] + offset + noise[i] + np.float32(0.5)
         result[i] = int(min(max(level, np.float32(0)), np.float32(255)))
     return result

@@ -1,7 +1,7 @@
-"""River scenes and flights over them, as data: the presets follow the case studies of Ljubicic et al. (2021, table 1).
+"""River scenes and camera paths as data, after the case studies of Ljubicic et al. (2021, table 1).
 
-Lengths are in metres on the ground; places are shares of the nominal picture (0, 0 its top left, 1, 1 its bottom right
-corner), so that one preset serves any picture size: fewer pixels mean coarser pixels, not a smaller scene.
+Lengths are in m on the ground. Positions are shares of the nominal image, from (0, 0) at its top left to (1, 1) at its
+bottom right corner, so that a scene does not depend on the image size: fewer pixels are coarser pixels.
 """
 
 from __future__ import annotations
@@ -16,11 +16,15 @@ Share = tuple[float, float]
 
 @dataclass(frozen=True)
 class Stream:
-    """Water that flows from left to right: mean centre and width as shares of the picture height.
+    """A stream that flows from left to right.
 
-    bend: how far the centre line swings (share of the height) over one picture width. speed_m_s: in mid-stream;
-    it falls to zero at the banks. rigid: all water moves at that speed, along x, with a pattern as strong as the
-    ground's that never changes: nothing but its motion tells it from ground.
+    Attributes:
+        centre: mean y of the centre line, as a share of the image height.
+        width: as a share of the image height.
+        bend: amplitude of the centre line over one image width, as a share of the image height.
+        speed_m_s: in mid-stream; 0 at the banks.
+        rigid: whether all water moves along x at that speed with a constant texture as strong as the ground's, so that
+            only its motion distinguishes it from ground.
     """
 
     centre: float
@@ -32,7 +36,7 @@ class Stream:
 
 @dataclass(frozen=True)
 class Island:
-    """Dry ground in the stream: an ellipse, centre and half axes as shares of the picture width and height."""
+    """Elliptic dry ground in the stream; centre and half axes as shares of the image width and height."""
 
     centre: Share
     half_axes: Share
@@ -40,7 +44,7 @@ class Island:
 
 @dataclass(frozen=True)
 class ControlPoint:
-    """A square ground control point of black and white quadrants."""
+    """A square ground control point with black and white quadrants."""
 
     place: Share
     size_m: float
@@ -48,10 +52,22 @@ class ControlPoint:
 
 @dataclass(frozen=True)
 class SceneSettings:
-    """A flight over a river, ready to render.
+    """A river scene with the camera's motion.
 
-    size: nominal picture, px. gsd_m: ground sampling distance at that size. focal_share: focal length over picture
-    width. duration_s: length of the original video. brightness: how far gain wanders (share of 1) over the flight.
+    Attributes:
+        name: of the scene.
+        size: width and height of the nominal image, px.
+        gsd_m: ground sampling distance at that size.
+        fps: frames per second.
+        duration_s: of the original video.
+        stream: the water.
+        motion: of the camera.
+        islands: in the stream.
+        control_points: on the ground.
+        focal_share: focal length divided by the image width.
+        noise_levels: standard deviation of the noise, grey levels.
+        brightness: amplitude of the gain variation.
+        tracers_per_m2: density of tracer particles on the water.
     """
 
     name: str
@@ -70,7 +86,7 @@ class SceneSettings:
 
     @property
     def ground_m(self) -> tuple[float, float]:
-        """Width and height of the ground in the nominal picture."""
+        """Width and height of the ground in the nominal image."""
         return self.size[0] * self.gsd_m, self.size[1] * self.gsd_m
 
     @property
@@ -124,7 +140,7 @@ SCENES = {p.name: p for p in (KOLUBARA, ALPINE, BASENTO)}
 
 
 def preset(name: str) -> SceneSettings:
-    """The preset of this name.
+    """The scene of this name.
 
     Raises:
         InputError: there is none.

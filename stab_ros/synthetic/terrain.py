@@ -1,7 +1,7 @@
-"""The river bed as a picture of the ground: banks, islands, stones, grass, control points, and where the water is.
+"""Procedural texture of the ground: banks, islands, stones, grass, control points, and a mask of the water.
 
-Made once per flight, in ground coordinates, finer than the picture, and blurred so that it holds nothing the picture
-cannot show: then the truth is unbiased to a thousandth of a pixel.
+It is generated once per flight, in ground coordinates, finer than the image, and blurred to avoid aliasing. Ground
+truth is then unbiased to a thousandth of a pixel.
 """
 
 from __future__ import annotations
@@ -11,20 +11,18 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stab_ros.core.kernels import lazy_kernel
-from stab_ros.core.types import FloatArray, Gray
+from stab_ros.core.types import Float32Array, FloatArray, Gray
 from stab_ros.synthetic.river import SceneSettings, Share
 from stab_ros.synthetic.textures import Texture, natural_texture, sample_texture, smooth_step
 
-Floats: TypeAlias = NDArray[np.float32]
-Place: TypeAlias = tuple[float, float, float]  # x, y of texel (0, 0) and texel pitch, m
+TexelGrid: TypeAlias = tuple[float, float, float]  # x, y of texel (0, 0) and texel pitch, m
 
-COARSE = 8  # flow and tint are kept for every 8th texel
+COARSE = 8  # flow and tint are stored for every 8th texel
 _BLUR_TEXELS = 0.85
-_SUN = (-0.6, -0.5)  # where the light comes from, in the picture
-# how many in the nominal picture; smallest, largest (shares of the picture height) and power law of their sizes
+_SUN = (-0.6, -0.5)  # direction of the light in the image
+# number in the nominal image; smallest and largest size (shares of the image height) and exponent of the power law
 _STONES = (16000, (0.0014, 0.016, 1.9))
 _BUSHES = (2500, (0.007, 0.03, 2.5))
 _GRAVEL_TINT, _GRASS_TINT, _WATER_TINT = (0.90, 0.99, 1.06), (0.62, 1.08, 0.98), (1.06, 1.06, 0.80)
@@ -32,7 +30,7 @@ _GRAVEL_TINT, _GRASS_TINT, _WATER_TINT = (0.90, 0.99, 1.06), (0.62, 1.08, 0.98),
 
 @dataclass(frozen=True, eq=False)
 class Extent:
-    """A rectangle of ground: where its texel (0, 0) lies, texel pitch, rows and columns."""
+    """A rectangle of ground: position of texel (0, 0), m, size of a texel, m, and shape (rows, columns)."""
 
     x_m: float
     y_m: float
@@ -41,23 +39,28 @@ class Extent:
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
-    """What lies in an extent. brightness: (h, w) uint8; water: (h, w) uint8, from 0 land to 255 water.
+class GroundTexture:
+    """Texture of the ground and velocity of the water.
 
-    flow: (h/8, w/8, 2) float32 surface velocity, m/s. tint: (h/8, w/8, 3) float32 factors that turn grey into bgr.
+    Attributes:
+        extent: the rectangle of ground.
+        brightness: (h, w) uint8 grey levels.
+        water: (h, w) uint8, from 0 for land to 255 for water.
+        flow: (h/8, w/8, 2) float32 surface velocity, m/s.
+        tint: (h/8, w/8, 3) float32 factors from grey to bgr.
     """
 
     extent: Extent
     brightness: Gray
     water: Gray
-    flow: Floats
-    tint: Floats
+    flow: Float32Array
+    tint: Float32Array
 
 
 class Layout(NamedTuple):
-    """The river in metres, origin at the centre of the nominal picture: what the kernels need of a preset."""
+    """Geometry of the river for the kernels, in m, with the origin at the centre of the nominal image."""
 
-    unit_m: float  # nominal picture height
+    unit_m: float  # nominal image height
     centre_m: float
     half_width_m: float
     bend_m: float
@@ -79,13 +82,13 @@ class Layout(NamedTuple):
 
 
 def place_m(preset: SceneSettings, share: Share) -> tuple[float, float]:
-    """A place in the nominal picture as ground coordinates, m."""
+    """Ground coordinates, m, of a position in the nominal image."""
     width, height = preset.ground_m
     return (share[0] - 0.5) * width, (share[1] - 0.5) * height
 
 
-def make_ground(preset: SceneSettings, extent: Extent, seed: int, still: Gray | None = None) -> Ground:
-    """Builds the ground of a preset. `still`: (h, w) uint8 picture that takes the place of the made-up banks."""
+def make_ground(preset: SceneSettings, extent: Extent, seed: int, still: Gray | None = None) -> GroundTexture:
+    """Generates the ground of a scene. still: (h, w) uint8 image of the ground in place of the procedural one."""
     rows, columns = extent.shape
     layout = Layout.of(preset)
     place = (extent.x_m, extent.y_m, extent.texel_m)
@@ -105,7 +108,7 @@ def make_ground(preset: SceneSettings, extent: Extent, seed: int, still: Gray | 
     _wet_shore(layout, place, shore, land, tint)
     for point in preset.control_points:
         _lay_control_point(place, place_m(preset, point.place), point.size_m, land)
-    return Ground(extent, _blurred(land), water, flow, tint)
+    return GroundTexture(extent, _blurred(land), water, flow, tint)
 
 
 @lazy_kernel()
@@ -134,7 +137,7 @@ def _grass_share(layout: Layout, shore: Texture, depth: float, x: float, y: floa
 
 
 @lazy_kernel()
-def _fill_water(layout: Layout, place: Place, shore: Texture, water: Gray, flow: Floats) -> None:
+def _fill_water(layout: Layout, place: TexelGrid, shore: Texture, water: Gray, flow: Float32Array) -> None:
     x0, y0, texel = place
     dry, deep = -0.002 * layout.unit_m, 0.022 * layout.unit_m  # between them the bed shows through
     for i in range(water.shape[0]):
@@ -156,8 +159,8 @@ def _fill_water(layout: Layout, place: Place, shore: Texture, water: Gray, flow:
 
 
 @lazy_kernel()
-def _fill_land(layout: Layout, place: Place, shore: Texture, rough: Texture, grass: Texture,
-               land: Floats, tint: Floats) -> None:
+def _fill_land(layout: Layout, place: TexelGrid, shore: Texture, rough: Texture, grass: Texture,
+               land: Float32Array, tint: Float32Array) -> None:
     x0, y0, texel = place
     scale = 400.0 / layout.unit_m
     for i in range(land.shape[0]):
@@ -176,8 +179,8 @@ def _fill_land(layout: Layout, place: Place, shore: Texture, rough: Texture, gra
 
 
 @lazy_kernel()
-def _fill_still(still: Gray, place: Place, height_m: float, land: Floats) -> None:
-    """Spreads a picture over the nominal picture's height, mirrored at its edges."""
+def _fill_still(still: Gray, place: TexelGrid, height_m: float, land: Float32Array) -> None:
+    """Scales an image to the height of the nominal image, mirrored at its borders."""
     x0, y0, texel = place
     rows, columns = still.shape
     scale = rows / height_m
@@ -195,10 +198,10 @@ def _fill_still(still: Gray, place: Place, height_m: float, land: Floats) -> Non
 
 def _scatter(preset: SceneSettings, extent: Extent, seed: int, density: int,
              sizes: tuple[float, float, float]) -> FloatArray:
-    """(n, 6): x, y, half axes in m, angle, tone (standard normal), the largest last.
+    """Random ellipses (n, 6): x, y and half axes, m, angle, tone (standard normal), in ascending order of size.
 
-    density: how many in the nominal picture. sizes: smallest and largest, as shares of the picture height, and the
-    exponent of the power law between them.
+    density: number in the nominal image. sizes: smallest and largest, as shares of the image height, and the exponent
+    of their power law.
     """
     rng = np.random.default_rng([seed, 20, density])
     width, height = preset.ground_m
@@ -213,9 +216,9 @@ def _scatter(preset: SceneSettings, extent: Extent, seed: int, density: int,
 
 
 @lazy_kernel()
-def _drop_stones(layout: Layout, place: Place, shore: Texture, rough: Texture, stones: FloatArray,
-                 land: Floats) -> None:
-    """Stones lie on the gravel and in the shallows."""
+def _drop_stones(layout: Layout, place: TexelGrid, shore: Texture, rough: Texture, stones: FloatArray,
+                 land: Float32Array) -> None:
+    """Draws stones on the gravel and in shallow water."""
     for k in range(len(stones)):
         x, y, a, b, angle, tone = stones[k]
         depth = depth_m(layout, shore, x, y)
@@ -226,9 +229,9 @@ def _drop_stones(layout: Layout, place: Place, shore: Texture, rough: Texture, s
 
 
 @lazy_kernel()
-def _plant_bushes(layout: Layout, place: Place, shore: Texture, leaves: Texture, bushes: FloatArray,
-                  land: Floats) -> None:
-    """Bushes stand in groups in the meadow."""
+def _plant_bushes(layout: Layout, place: TexelGrid, shore: Texture, leaves: Texture, bushes: FloatArray,
+                  land: Float32Array) -> None:
+    """Draws groups of bushes in the meadow."""
     scale = 330.0 / layout.unit_m
     for k in range(len(bushes)):
         x, y, a, b, angle, tone = bushes[k]
@@ -240,9 +243,9 @@ def _plant_bushes(layout: Layout, place: Place, shore: Texture, leaves: Texture,
 
 
 @lazy_kernel()
-def _draw_dome(place: Place, x: float, y: float, a: float, b: float, angle: float, tone: float, grain: float,
-               texture: Texture, land: Floats) -> None:
-    """A dome of half axes a, b, lit by the sun, with an uneven outline and surface; no grain: flat, a shadow."""
+def _draw_dome(place: TexelGrid, x: float, y: float, a: float, b: float, angle: float, tone: float, grain: float,
+               texture: Texture, land: Float32Array) -> None:
+    """Draws a dome of half axes a, b, lit by the sun, with an irregular outline; flat, as a shadow, if grain is 0."""
     x0, y0, texel = place
     cos, sin = math.cos(angle), math.sin(angle)
     rim, reach = texel / b, 1.25 * a
@@ -259,8 +262,8 @@ def _draw_dome(place: Place, x: float, y: float, a: float, b: float, angle: floa
 
 
 @lazy_kernel()
-def _wet_shore(layout: Layout, place: Place, shore: Texture, land: Floats, tint: Floats) -> None:
-    """Wet ground is darker; the bed under water takes the water's tint."""
+def _wet_shore(layout: Layout, place: TexelGrid, shore: Texture, land: Float32Array, tint: Float32Array) -> None:
+    """Darkens wet ground and tints the river bed."""
     x0, y0, texel = place
     for i in range(land.shape[0]):
         for j in range(land.shape[1]):
@@ -273,8 +276,8 @@ def _wet_shore(layout: Layout, place: Place, shore: Texture, land: Floats, tint:
 
 
 @lazy_kernel()
-def _lay_control_point(place: Place, at: tuple[float, float], size: float, land: Floats) -> None:
-    """A square of `size` with four quadrants, black and white in turn; edges one texel soft."""
+def _lay_control_point(place: TexelGrid, at: tuple[float, float], size: float, land: Float32Array) -> None:
+    """Draws a square with alternating black and white quadrants, anti-aliased over one texel."""
     x0, y0, texel = place
     half = size / 2
     for i in range(max(int((at[1] - size - y0) / texel), 0), min(int((at[1] + size - y0) / texel), land.shape[0])):
@@ -286,16 +289,16 @@ def _lay_control_point(place: Place, at: tuple[float, float], size: float, land:
             land[i, j] += cover * (132 + 104 * side - land[i, j])
 
 
-def _blurred(land: Floats) -> Gray:
-    """`land` blurred by a Gaussian, as uint8 (rounded); written out here so that every cv2 version gives the same."""
+def _blurred(land: Float32Array) -> Gray:
+    """`land` blurred by a Gaussian and rounded to uint8, independent of the version of OpenCV."""
     offsets = np.arange(-3, 4)
     kernel = np.exp(-(offsets**2) / (2 * _BLUR_TEXELS**2))
     return np.asarray(_blur(land, (kernel / kernel.sum()).astype(np.float32)))
 
 
 @lazy_kernel()
-def _blur(land: Floats, kernel: Floats) -> Gray:
-    """Rows in place, then columns into the result."""
+def _blur(land: Float32Array, kernel: Float32Array) -> Gray:
+    """Separable filter: along rows in place, then along columns."""
     rows, columns = land.shape
     reach = len(kernel) // 2
     for i in range(rows):

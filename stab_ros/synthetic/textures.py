@@ -1,4 +1,4 @@
-"""Seamless random textures by spectral shaping, and how the kernels of the renderer read them."""
+"""Periodic random textures by spectral shaping, and their sampling in the kernels of the renderer."""
 
 from __future__ import annotations
 
@@ -9,16 +9,19 @@ from numpy.typing import NDArray
 
 from stab_ros.core.kernels import lazy_kernel
 
-Texture: TypeAlias = NDArray[np.float32]  # (TILE, TILE), mean 0, standard deviation 1, repeats without a seam
+Texture: TypeAlias = NDArray[np.float32]  # (TILE, TILE), periodic, mean 0, standard deviation 1
 
 TILE = 1024  # a power of two: the kernels wrap by masking
 
 
 def natural_texture(key: list[int], falloff: float, largest_texels: float, stretch: float = 1.0) -> Texture:
-    """Noise with the spectrum of natural surfaces, amplitude f^-falloff (Field 1987), seeded by `key`.
+    """Noise with the spectrum of natural surfaces, amplitude f^-falloff (Field 1987): (1024, 1024) float32.
 
-    largest_texels: where the spectrum levels off; nothing finer than about three texels is left. stretch < 1 draws the
-    pattern out along x, > 1 along y.
+    Args:
+        key: seed.
+        falloff: exponent of the amplitude spectrum.
+        largest_texels: wavelength above which the spectrum is constant; the finest wavelength is about three texels.
+        stretch: below 1, the pattern is elongated along x; above 1, along y.
     """
     fy, fx = np.meshgrid(np.fft.fftfreq(TILE) * stretch, np.fft.rfftfreq(TILE), indexing="ij")
     frequency = np.hypot(fx, fy)
@@ -31,7 +34,7 @@ def natural_texture(key: list[int], falloff: float, largest_texels: float, stret
 
 @lazy_kernel(inline="always")
 def sample_texture(texture: Texture, x: float, y: float) -> np.float32:
-    """The texture at (x, y) texels, bilinear, repeated in both directions."""
+    """The texture at (x, y), texels, by bilinear interpolation with periodic continuation."""
     left, top = int(np.floor(x)), int(np.floor(y))
     fx, fy = np.float32(x - left), np.float32(y - top)
     j0, i0 = left & (TILE - 1), top & (TILE - 1)
@@ -43,6 +46,6 @@ def sample_texture(texture: Texture, x: float, y: float) -> np.float32:
 
 @lazy_kernel(inline="always")
 def smooth_step(low: float, high: float, x: float) -> float:
-    """0 below `low`, 1 above `high`, smooth between."""
+    """Smooth step function: 0 below `low`, 1 above `high`."""
     t = min(max((x - low) / (high - low), 0.0), 1.0)
     return t * t * (3.0 - 2.0 * t)

@@ -14,7 +14,7 @@ from stab_ros.core.geometry import apply, grid, rms_distance
 from stab_ros.core.settings import Value
 from stab_ros.core.types import FloatArray, Frame, Gray, State
 from stab_ros.methods import METHODS
-from stab_ros.methods._descriptors import Features, Rule, contrib, matched, spread
+from stab_ros.methods._descriptors import Features, MatchRule, contrib, match_mutually, spread_evenly
 from stab_ros.methods.fast_freak import FastFreak, FastFreakConfig
 from stab_ros.methods.sift import Sift, SiftConfig
 from stab_ros.parameters.engines import make_stabilizer
@@ -154,12 +154,12 @@ def test_spread_takes_the_strongest_of_every_cell() -> None:
     draw = np.random.default_rng(3)
     px = np.concatenate([draw.uniform(0, 40, (900, 2)), draw.uniform(0, 400, (100, 2))])
     response = draw.random(1000)
-    chosen = spread(px, response, 100, (400, 400))
+    chosen = spread_evenly(px, response, 100, (400, 400))
     assert len(chosen) == len(np.unique(chosen)) == 100
     assert np.mean(chosen >= 900) > 0.6  # the crowd in the corner does not push the others out
     crowd = chosen[chosen < 900]
     assert response[crowd].min() > np.quantile(response[:900], 0.8)
-    np.testing.assert_array_equal(spread(px, response, 1000, (400, 400)), np.arange(1000))
+    np.testing.assert_array_equal(spread_evenly(px, response, 1000, (400, 400)), np.arange(1000))
 
 
 def features(descriptor: Gray, px: FloatArray | None = None) -> Features:
@@ -170,24 +170,25 @@ def features(descriptor: Gray, px: FloatArray | None = None) -> Features:
 def test_a_match_is_mutual_and_clear() -> None:
     ones = features(np.array([[0, 0], [10, 0], [100, 0], [103, 0]], np.float32))
     others = features(np.array([[101, 0], [1, 0], [40, 40], [-30, 0]], np.float32))
-    one, other = matched(ones, others, Rule(0.8))
+    one, other = match_mutually(ones, others, MatchRule(0.8))
     assert list(zip(one.tolist(), other.tolist(), strict=True)) == [(0, 1), (2, 0)]
-    assert [len(indices) for indices in matched(ones, others, Rule(0.4))] == [1, 1]  # 2 and 3 are both near to 0
-    assert len(matched(ones, others, Rule(0.8, most=0.5))[0]) == 0
+    assert [len(indices) for indices in match_mutually(ones, others, MatchRule(0.4))] == [1, 1]  # 2 and 3 are near 0
+    assert len(match_mutually(ones, others, MatchRule(0.8, max_distance=0.5))[0]) == 0
 
 
 def test_one_match_to_a_place_the_nearest() -> None:
     px = np.array([[5.0, 5.0], [5.0, 5.0], [50.0, 5.0]])
     ones = features(np.array([[0, 0], [0, 90], [90, 0]], np.float32), px)
     others = features(np.array([[3, 0], [0, 91], [90, 1]], np.float32), px + 2)
-    one, other = matched(ones, others, Rule(0.8))
+    one, other = match_mutually(ones, others, MatchRule(0.8))
     assert list(zip(one.tolist(), other.tolist(), strict=True)) == [(1, 1), (2, 2)]
 
 
 @pytest.mark.parametrize(("some", "others"), [(0, 0), (0, 3), (3, 0), (1, 1)])
 def test_few_or_no_descriptors(some: int, others: int) -> None:
     a, b = (features(np.arange(8 * n, dtype=np.uint8).reshape(n, 8)) for n in (some, others))
-    assert [len(indices) for indices in matched(a, b, Rule(0.8, cv2.NORM_HAMMING))] == [min(some, others)] * 2
+    matches = match_mutually(a, b, MatchRule(0.8, cv2.NORM_HAMMING))
+    assert [len(indices) for indices in matches] == [min(some, others)] * 2
 
 
 def test_whole_corners_draw_to_whole_pixels_and_refined_ones_do_not() -> None:

@@ -12,8 +12,8 @@ from truth import IDENTITY, SIZE, flat, picture, projective, random_noise, simil
 from stab_ros.core.errors import ConfigError
 from stab_ros.core.geometry import apply
 from stab_ros.core.types import NO_POINTS, Correspondences, FloatArray, Gray, Homography
-from stab_ros.methods._areas import Maps
-from stab_ros.methods.fft import Fft, FftConfig, Pass, _field
+from stab_ros.methods._affine_windows import AffineMaps
+from stab_ros.methods.fft import CorrelationPass, Fft, FftConfig, _displacement_field
 
 EVERYWHERE = np.ones(SIZE[::-1], bool)
 POINTS = np.array([[80.0, 60.0], [310.4, 71.8], [95.0, 230.0], [300.0, 220.0], [200.0, 150.0]])
@@ -33,8 +33,8 @@ def errors_px(pairs: Correspondences, ref_H_cur: Homography) -> FloatArray:
 
 def test_the_plane_is_the_normalised_circular_correlation() -> None:
     side, centre = 16, np.array([[60.5, 70.5]])
-    plane = Pass.of(picture(), centre, side, np.zeros((1, 2))).correlate(picture(translation(2, -1)),
-                                                                         Maps.standing(centre), np.arange(1))[0, 0]
+    only = CorrelationPass.of(picture(), centre, side, np.zeros((1, 2)))
+    plane = only.correlate(picture(translation(2, -1)), AffineMaps.identity(centre), np.arange(1))[0, 0]
     cut = np.s_[63:79, 53:69]
     a, b = (image[cut].astype(float) - image[cut].mean() for image in (picture(), picture(translation(2, -1))))
     expected = [[np.sum(a * np.roll(b, (-y, -x), (0, 1))) for x in range(-8, 8)] for y in range(-8, 8)]
@@ -165,7 +165,7 @@ def test_a_vector_that_disagrees_does_not_bend_the_field() -> None:
     shift = np.tile(offsets @ gradient.T + [1.5, -0.5], (3, 1, 1))
     shift[1, 2] = [-6.0, 3.0]
     shift[2, :5], shift[2, 6:] = np.nan, np.nan
-    displacement, bent = _field(shift, offsets)
+    displacement, bent = _displacement_field(shift, offsets)
     np.testing.assert_allclose(displacement[:2], [[1.5, -0.5]] * 2, atol=1e-6)
     np.testing.assert_allclose(bent[:2], [gradient] * 2, atol=1e-6)
     np.testing.assert_array_equal(bent[2], np.zeros((2, 2)))

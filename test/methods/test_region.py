@@ -13,8 +13,8 @@ from stab_ros.core.errors import ConfigError
 from stab_ros.core.geometry import apply
 from stab_ros.core.types import NO_POINTS, Correspondences, FloatArray, Gray, Homography, Image
 from stab_ros.methods import _planar
-from stab_ros.methods._areas import Maps, sample
-from stab_ros.methods.region import Region, RegionConfig
+from stab_ros.methods._affine_windows import AffineMaps, sample
+from stab_ros.methods.region import RegionConfig, RegionMethod
 
 EVERYWHERE = np.ones(SIZE[::-1], bool)
 POINTS = np.array([[80.0, 60.0], [310.4, 71.8], [95.0, 230.0], [300.0, 220.0], [200.0, 150.0]])
@@ -23,7 +23,7 @@ MANUAL = RegionConfig(area=21, search=41, second_look=False)
 
 def found(config: RegionConfig, current: Gray, guess: Homography = IDENTITY,
           points_px: FloatArray = POINTS) -> Correspondences:
-    method = Region(picture(), EVERYWHERE, config, points_px)
+    method = RegionMethod(picture(), EVERYWHERE, config, points_px)
     return method.match(current, guess, np.ones(len(method.reference_px)))
 
 
@@ -40,7 +40,7 @@ def test_the_search_is_the_sum_of_absolute_differences() -> None:
     rng = np.random.default_rng(2)
     areas = rng.integers(0, 256, (6, 19, 19)).astype(np.float32)
     patterns = rng.integers(0, 256, (6, 9, 9)).astype(np.float32)
-    lag, clear = _planar.best_place(patterns, areas)
+    lag, clear = _planar.best_lag(patterns, areas)
     for k in range(6):
         sums = [[np.abs((cut := areas[k, y : y + 9, x : x + 9].astype(float)) - cut.mean() - patterns[k]
                         + patterns[k].mean()).sum() for x in range(11)] for y in range(11)]
@@ -57,17 +57,17 @@ def test_the_search_is_the_sum_of_absolute_differences() -> None:
 ])
 def test_the_refinement_finds_turn_and_size(motion: str, truth: Homography) -> None:
     cur_H_ref, centre = np.linalg.inv(truth), np.array([[200.0, 150.0]])
-    start = Maps.standing(np.round(apply(cur_H_ref, centre)))
-    pattern = sample(blurred(picture(noise=0)), Maps.standing(centre), 33)
+    start = AffineMaps.identity(np.round(apply(cur_H_ref, centre)))
+    pattern = sample(blurred(picture(noise=0)), AffineMaps.identity(centre), 33)
     marker = _planar.refine(blurred(picture(truth, noise=0)), pattern, start, motion, 30)
     np.testing.assert_allclose(marker.maps.centres, apply(cur_H_ref, centre), atol=0.05)
-    np.testing.assert_allclose(marker.maps.shape[0], cur_H_ref[:2, :2], atol=0.008)
+    np.testing.assert_allclose(marker.maps.linear[0], cur_H_ref[:2, :2], atol=0.008)
     assert marker.correlation[0] > 0.98
 
 
 def test_a_marker_that_may_not_turn_looks_less_like_its_pattern() -> None:
     truth, centre = similarity(9.0, 1.0), np.array([[200.0, 150.0]])
-    pattern, start = sample(blurred(picture()), Maps.standing(centre), 33), Maps.standing(np.array([[200.0, 150.0]]))
+    pattern, start = sample(blurred(picture()), AffineMaps.identity(centre), 33), AffineMaps.identity(centre)
     free, fixed = (_planar.refine(blurred(picture(truth)), pattern, start, motion, 30).correlation[0]
                    for motion in ("translation_rotation_scale", "translation"))
     assert free > fixed + 0.02
@@ -115,7 +115,7 @@ def test_areas_follow_the_guess_with_its_turn() -> None:
 
 
 def test_markers_apart_and_clear_of_the_border() -> None:
-    method = Region(picture(), EVERYWHERE, RegionConfig(min_distance=70.0, margin=40))
+    method = RegionMethod(picture(), EVERYWHERE, RegionConfig(min_distance=70.0, margin=40))
     places = method.reference_px
     apart = np.hypot(*(places[:, None] - places[None]).T) + 1e9 * np.eye(len(places))
     assert len(places) >= 4
@@ -141,7 +141,7 @@ def test_wrong_sides_are_refused_in_one_line(values: dict[str, Any]) -> None:
 
 
 def test_a_marker_found_once_is_found_the_same_again() -> None:
-    method = Region(picture(), EVERYWHERE, RegionConfig())
+    method = RegionMethod(picture(), EVERYWHERE, RegionConfig())
     trust = np.ones(len(method.reference_px))
     first = method.match(picture(projective()), IDENTITY, trust)
     method.match(picture(translation(20, 3)), translation(19, 3), trust)

@@ -58,7 +58,7 @@ def test_speckle_and_a_turn() -> None:
 
 def test_the_ratio_gradient_does_not_know_how_bright_it_is() -> None:
     bright = np.clip(picture().astype(float), 40, 200)
-    one, half = (_roewa.scale_of(np.round(scale * bright).astype(np.uint8), 3.0) for scale in (1.0, 0.5))
+    one, half = (_roewa.ratio_gradient(np.round(scale * bright).astype(np.uint8), 3.0) for scale in (1.0, 0.5))
     np.testing.assert_allclose(half.right, one.right, atol=0.03)
     np.testing.assert_allclose(half.down, one.down, atol=0.03)
 
@@ -66,17 +66,17 @@ def test_the_ratio_gradient_does_not_know_how_bright_it_is() -> None:
 def test_a_step_has_its_ratio_across_and_none_along() -> None:
     step = np.full((120, 120), 40, np.uint8)
     step[:, 60:] = 160
-    scale = _roewa.scale_of(step, 4.0)
+    scale = _roewa.ratio_gradient(step, 4.0)
     assert 0.8 * np.log(4) < scale.right[60, 60] <= np.log(4)
     assert abs(scale.down[60, 60]) < 1e-3
-    assert _roewa.scale_of(step.T.copy(), 4.0).down[60, 60] == pytest.approx(scale.right[60, 60], abs=1e-3)
+    assert _roewa.ratio_gradient(step.T.copy(), 4.0).down[60, 60] == pytest.approx(scale.right[60, 60], abs=1e-3)
 
 
 def test_speckle_fires_alike_where_it_is_dark_and_bright() -> None:
     """The constant false alarm rate that ratios are for; differences would be five times larger."""
     flat = np.full((300, 400), 20, np.uint8)
     flat[:, 200:] = 100
-    scale = _roewa.scale_of(speckled(flat, 3), 3.0)
+    scale = _roewa.ratio_gradient(speckled(flat, 3), 3.0)
     spread = [np.std(scale.right[20:-20, part]) for part in (np.s_[20:180], np.s_[220:380])]
     assert spread[0] == pytest.approx(spread[1], rel=0.15)
 
@@ -84,17 +84,17 @@ def test_speckle_fires_alike_where_it_is_dark_and_bright() -> None:
 def test_corners_are_placed_between_pixels() -> None:
     block = np.full((160, 160), 50, np.uint8)
     block[60:, 70:] = 200
-    px, response = _roewa.corners(_roewa.scale_of(block, 3.0), 0.1)
+    px, response = _roewa.corners(_roewa.ratio_gradient(block, 3.0), 0.1)
     nearest = px[response.argmax()]
     assert np.hypot(*(nearest - (69.5, 59.5))) < 4  # Harris' corners lie inside
-    turned, strength = _roewa.corners(_roewa.scale_of(np.ascontiguousarray(block[::-1, ::-1]), 3.0), 0.1)
+    turned, strength = _roewa.corners(_roewa.ratio_gradient(np.ascontiguousarray(block[::-1, ::-1]), 3.0), 0.1)
     np.testing.assert_allclose(159 - turned[strength.argmax()], nearest, atol=0.01)
 
 
 def test_descriptors_turn_with_the_picture() -> None:
     gray = picture()[:300, :300]
     quarter = np.ascontiguousarray(np.rot90(gray))
-    scale, turned = (_roewa.scale_of(image, 3.0) for image in (gray, quarter))
+    scale, turned = (_roewa.ratio_gradient(image, 3.0) for image in (gray, quarter))
     px = np.array([[150.0, 140.0], [120.0, 170.0]])
     there = np.stack([px[:, 1], 299 - px[:, 0]], axis=1)  # rot90: the x axis points up
     found = _ratio_descriptor.orientations(scale, px)

@@ -11,7 +11,7 @@ from truth import IDENTITY, SIZE, flat, picture, projective, random_noise, simil
 from stab_ros.core.errors import ConfigError
 from stab_ros.core.geometry import apply
 from stab_ros.core.types import NO_POINTS, Correspondences, FloatArray, Gray, Homography
-from stab_ros.methods._similarity import ssim_maps
+from stab_ros.methods._ssim_maps import ssim_maps
 from stab_ros.methods.ssim import Ssim, SsimConfig
 
 EVERYWHERE = np.ones(SIZE[::-1], bool)

@@ -1,4 +1,4 @@
-"""Where the template methods look: the user's points, or places they choose themselves."""
+"""Point selection of the template methods: the user's points, or well-textured points in a layout."""
 
 from __future__ import annotations
 
@@ -8,34 +8,41 @@ import numpy as np
 from stab_ros.core.types import BoolArray, FloatArray, Gray, IdArray
 from stab_ros.methods import spread
 
-_QUALITY = 1e-3  # of the strongest Harris corner; weaker ones are none
+_QUALITY = 1e-3  # smallest Harris response, as a share of the strongest corner's
 
 
-def manual(points_px: FloatArray, side: int) -> FloatArray:
-    """(n, 2) px: centres of the areas of `side` px nearest to the user's points (n, 2).
+def user_points(points_px: FloatArray, side: int) -> FloatArray:
+    """Centres (n, 2), px, of the windows of `side` px nearest to the user's points (n, 2).
 
-    Whole pixels, or, if `side` is even, half a pixel beside them: so the areas need not be interpolated.
+    Centres are whole pixels, or half pixels if `side` is even, so that the windows need no interpolation.
     """
     half = (side - 1) / 2
     return np.round(points_px - half) + half
 
 
 def even(gray: Gray, allowed: BoolArray, count: int, side: int, margin: int, min_texture: float) -> FloatArray:
-    """(n, 2) px: at most `count` places, the best textured of each cell of an even grid.
+    """Centres (n, 2), px, of at most `count` windows: the best-textured one of each cell of a regular grid.
 
-    side: of the area, px. margin: px kept clear of the picture's border. min_texture: see `spread.texture`.
+    Args:
+        gray: (h, w) uint8.
+        allowed: (h, w) bool, where centres may lie.
+        count: largest number of windows.
+        side: side of a window, px.
+        margin: distance of the centres from the image border, px.
+        min_texture: see `spread.texture`.
     """
-    centres = spread.choose(gray, _clear(allowed, margin), count, side // 2, min_texture)
+    centres = spread.choose(gray, _with_margin(allowed, margin), count, side // 2, min_texture)
     return _centred(centres, side)
 
 
 def corners(gray: Gray, allowed: BoolArray, count: int, side: int, margin: int, min_texture: float) -> FloatArray:
-    """(n, 2) px: at most four places, and `count`, the best textured near each corner of what is allowed.
+    """Centres (n, 2), px, of at most four windows: the best-textured one near each corner of the allowed region.
 
-    Four points there determine a homography best, and a river seldom covers all four corners of its picture.
+    Four points there determine a homography best, and a river rarely covers all four corners of the image. Arguments
+    as for `even`.
     """
     score = spread.texture(gray, side // 2)
-    score[~_clear(allowed, margin)] = 0
+    score[~_with_margin(allowed, margin)] = 0
     rows, columns = np.flatnonzero(score.any(axis=1)), np.flatnonzero(score.any(axis=0))
     if not len(rows):
         return np.empty((0, 2))
@@ -45,28 +52,35 @@ def corners(gray: Gray, allowed: BoolArray, count: int, side: int, margin: int, 
     return _centred(corner + np.array(found[:count], np.int64).reshape(-1, 2), side)
 
 
-def apart(gray: Gray, allowed: BoolArray, count: int, side: int, margin: int, distance_px: float) -> FloatArray:
-    """(n, 2) px: at most `count` Harris corners, strongest first, no two of them nearer than `distance_px`."""
-    mask = _clear(allowed, margin).astype(np.uint8)
+def strongest_corners(gray: Gray, allowed: BoolArray, count: int, side: int, margin: int,
+                      distance_px: float) -> FloatArray:
+    """Centres (n, 2), px, of at most `count` Harris corners, strongest first, at least `distance_px` apart.
+
+    Other arguments as for `even`.
+    """
+    mask = _with_margin(allowed, margin).astype(np.uint8)
     if not mask.any():
         return np.empty((0, 2))
     found = cv2.goodFeaturesToTrack(gray, count, _QUALITY, distance_px, mask=mask, useHarrisDetector=True)
     return np.empty((0, 2)) if found is None else _centred(np.round(found.reshape(-1, 2)).astype(np.int64), side)
 
 
-def _clear(allowed: BoolArray, margin: int) -> BoolArray:
+def _with_margin(allowed: BoolArray, margin: int) -> BoolArray:
     clear = np.zeros_like(allowed)
     clear[margin : allowed.shape[0] - margin, margin : allowed.shape[1] - margin] = True
     return np.asarray(clear & allowed)
 
 
 def _centred(centres: IdArray, side: int) -> FloatArray:
-    """Centres of areas that begin `side` // 2 before whole pixels."""
+    """Centres of windows that begin `side` // 2 px before the given pixels."""
     return centres - (0.5 if side % 2 == 0 else 0.0)
 
 
 def _quarters(box: FloatArray) -> list[tuple[FloatArray, IdArray]]:
-    """The outer quarter of each side at the four corners, or the whole quadrant where nothing is there; with (x, y)."""
+    """The four corner blocks and the (x, y) of their first pixel.
+
+    A block is a quarter of the box wide and high, or half of it where the quarter has no texture.
+    """
     height, width = box.shape
     parts = []
     for below in (False, True):
@@ -89,4 +103,4 @@ def _best(score: FloatArray) -> IdArray:
 
 LAYOUT = {"even": even, "corners": corners}
 LAYOUTS = tuple(LAYOUT)
-LAYOUT_DOC = "where points lie, if none are given: evenly, or one near each corner"
+LAYOUT_DOC = "Layout of automatic points: spread evenly, or one near each corner of the region of interest"

@@ -1,6 +1,6 @@
-"""Points that were not found at first are looked for again where those that were found say they should be.
+"""Guided matching (Hartley and Zisserman 2004, section 4.8): a second search around a motion fitted to the first one.
 
-A point beyond the reach of its search area is lost to a plain template search, though its neighbours give it away.
+A point outside its search area is lost to a plain template search, although the motion of its neighbours predicts it.
 """
 
 from __future__ import annotations
@@ -15,26 +15,31 @@ from stab_ros.estimation import estimators
 
 _THRESHOLD_PX = 1.0
 
-Look = Callable[[Homography, IdArray], Correspondences]
+Search = Callable[[Homography, IdArray], Correspondences]
 
 
-def looked_for_twice(look: Look, guess: Homography, reference_px: FloatArray, size: tuple[int, int],
+def guided_matches(search: Search, guess: Homography, reference_px: FloatArray, size: tuple[int, int],
                      trust: FloatArray) -> Correspondences:
-    """What `look` finds of all points from `guess`, and of the others in view from what these agree on.
+    """Correspondences of two searches: all points from `guess`, then the missing ones from a fit to the found ones.
 
-    look: finds the points of the ids it is given near where a homography puts them. size: of the frame, (w, h).
+    Args:
+        search: finds the points with the given ids near their positions under a homography `ref_H_cur`.
+        guess: predicted `ref_H_cur`.
+        reference_px: (N, 2) points of the reference, px.
+        size: width and height of the frame, px.
+        trust: (N,) prior weights in [0, 1].
     """
-    found = look(guess, np.arange(len(reference_px)))
+    found = search(guess, np.arange(len(reference_px)))
     better = estimators.refine(found, "affine", _THRESHOLD_PX, guess, trust[found.feature_id])
     if better is None or abs(np.linalg.det(better)) < 1e-9:
         return found
     missing = np.setdiff1d(np.arange(len(reference_px)), found.feature_id)
     in_view = inside(apply(np.linalg.inv(better), reference_px[missing]), size)
-    return _merged(found, look(better, missing[in_view]))
+    return _merged(found, search(better, missing[in_view]))
 
 
 def _merged(a: Correspondences, b: Correspondences) -> Correspondences:
-    """Both, in the order of their ids."""
+    """Both sets, ordered by feature id."""
     order = np.argsort(np.concatenate([a.feature_id, b.feature_id]), kind="stable")
     both = Correspondences(np.concatenate([a.feature_id, b.feature_id]),
                            np.concatenate([a.reference_px, b.reference_px]),

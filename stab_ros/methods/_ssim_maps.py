@@ -1,4 +1,4 @@
-"""Maps of the structural similarity of kernels over search areas, one map a point."""
+"""Maps of the structural similarity (SSIM) of kernels over search areas, one map per point."""
 
 from __future__ import annotations
 
@@ -7,14 +7,19 @@ import numpy as np
 from stab_ros.core.kernels import F32, F64, I64, filled, kernel, read
 from stab_ros.core.types import FloatArray
 
-_C1, _C2 = (0.01 * 255) ** 2, (0.03 * 255) ** 2  # of Wang et al. 2004, for 8-bit pictures
+_C1, _C2 = (0.01 * 255) ** 2, (0.03 * 255) ** 2  # of Wang et al. 2004, for 8-bit images
 
 
 def ssim_maps(kernels: FloatArray, areas: FloatArray, window: int) -> FloatArray:
-    """(N, m, m) float64 SSIM, -1 to 1, of kernels (N, k, k) float32 at each whole px of areas (N, k + m - 1, ...).
+    """SSIM of each kernel at each integer displacement: (N, m, m) float64 in [-1, 1].
 
-    Wang et al. (2004, eq. 13), its mean over all windows of `window` px that lie in the kernel; the (co)variances with
-    N - 1, as the reference implementations take them.
+    Wang et al. (2004, eq. 13), averaged over all windows of `window` px inside the kernel. Variances and covariances
+    are unbiased (N - 1), as in the reference implementations.
+
+    Args:
+        kernels: (N, k, k) float32.
+        areas: (N, k + m - 1, k + m - 1) float32 search areas.
+        window: side of the averaged windows, px.
     """
     n, side, _ = kernels.shape
     lags = areas.shape[1] - side + 1
@@ -27,7 +32,7 @@ def ssim_maps(kernels: FloatArray, areas: FloatArray, window: int) -> FloatArray
 
 
 def _window_statistics(images: FloatArray, window: int) -> tuple[FloatArray, FloatArray]:
-    """Mean and variance, float32, of each window in each of the images (N, s, s), from integral images."""
+    """Mean and variance, float32, of every window in each of the images (N, s, s), by integral images."""
     values = images.astype(np.float64)
     count = window**2
     mean = _window_sums(values, window) / count
@@ -42,14 +47,13 @@ def _window_sums(images: FloatArray, window: int) -> FloatArray:
                       + total[:, :-window, :-window])
 
 
-_IMAGES, _STATISTIC = read(F32, 3), read(F32, 3)
+_STACK = read(F32, 3)
 
 
-@kernel((_IMAGES, _IMAGES, I64, _STATISTIC, _STATISTIC, _STATISTIC, _STATISTIC, F64, F64, filled(F64, 3)),
-        fastmath=True)
+@kernel((_STACK, _STACK, I64, _STACK, _STACK, _STACK, _STACK, F64, F64, filled(F64, 3)), fastmath=True)
 def _fill(kernels: FloatArray, areas: FloatArray, window: int, kernel_mean: FloatArray, kernel_variance: FloatArray,
           area_mean: FloatArray, area_variance: FloatArray, c1: float, c2: float, maps: FloatArray) -> None:
-    """The maps; only the covariance has to be summed anew at each lag, column by column, then along the rows."""
+    """Fills the maps. Only the covariance is summed again at each lag, by columns first and then along rows."""
     n, lags, _ = maps.shape
     side, places = kernels.shape[1], kernel_mean.shape[1]
     count, less = np.float32(window**2), np.float32(max(window**2 - 1, 1))

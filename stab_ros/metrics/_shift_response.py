@@ -1,7 +1,7 @@
-"""A picture against itself, shifted by known amounts: the RMSD (Ljubicic et al. 2021, Eq. 2) that each shift makes.
+"""RMSD (Ljubicic et al. 2021, Eq. 2) of an image against itself as a function of a known shift.
 
-Shifts are made by a windowed sinc, in eight directions (a warp of OpenCV would round 0.05 px to 1/32 px). What the
-picture's own noise adds to such a RMSD follows exactly from the taps of the sinc, and is taken out.
+Shifts in eight directions are interpolated by a windowed sinc, because OpenCV's warps round shifts to 1/32 px. The
+contribution of the image's noise to the RMSD follows exactly from the taps of the sinc, and is subtracted.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ from stab_ros.core.types import FloatArray, Gray, IdArray
 
 SHIFTS_PX = np.array([0.1, 0.25, 0.5, 0.75, 1, 1.5, 2, 2.5, 3, 3.5, 4, 4.5, 5, 5.5, 6, 6.5, 7, 7.5, 8])
 DIRECTIONS = 8
-_REACH = 6  # of the sinc, px to either side
-MARGIN_PX = int(SHIFTS_PX[-1]) + _REACH  # what a sweep reads around its window
+_SINC_RADIUS = 6  # px
+MARGIN_PX = int(SHIFTS_PX[-1]) + _SINC_RADIUS  # number of px read around a window
 
 
-class Sweep:
-    """The RMSD of a picture against itself, shifted: by all of SHIFTS_PX in all directions, free of noise."""
+class ShiftResponse:
+    """Noise-corrected RMSD of an image against itself for all of SHIFTS_PX in all directions."""
 
     def __init__(self, reference: Gray, noise_sigma: float) -> None:
-        """reference: (h, w) uint8. noise_sigma: of its white noise, grey levels."""
+        """reference: (h, w) uint8. noise_sigma: standard deviation of its white noise, grey levels."""
         border = (MARGIN_PX,) * 4
-        self._picture = cv2.copyMakeBorder(reference, *border, cv2.BORDER_REFLECT_101).astype(np.float32)
+        self._image = cv2.copyMakeBorder(reference, *border, cv2.BORDER_REFLECT_101).astype(np.float32)
         self._noise_variance = noise_sigma**2
 
     def rmsd(self, centre_px: tuple[int, int], windows_px: Sequence[int]) -> FloatArray:
-        """(windows, shifts, directions) float64, grey levels, for odd windows about one centre (x, y)."""
+        """RMSD (windows, shifts, directions) float64, grey levels, for windows of odd sides about one centre (x, y)."""
         half = np.asarray(windows_px) // 2
         x, y = (c + MARGIN_PX for c in centre_px)
         shifts = _shifts()
-        rings = _ring_squares(self._picture, x, y, int(half.max()), shifts.whole_px, shifts.taps)
+        rings = _ring_squares(self._image, x, y, int(half.max()), shifts.whole_px, shifts.taps)
         means = np.cumsum(rings, axis=1)[:, half] / (2 * half + 1.0) ** 2
         free = np.maximum(means - self._noise_variance * shifts.noise_share[:, None], 0)
         return np.asarray(np.sqrt(free).T.reshape(len(half), len(SHIFTS_PX), DIRECTIONS))
@@ -45,10 +45,12 @@ class Sweep:
 
 @dataclass(frozen=True, eq=False)
 class _Shifts:
-    """Every shift of a sweep, S = shifts x directions of them, as a whole step and the taps of a fraction.
+    """All S = shifts x directions shifts, as integer parts and interpolation taps of the fractional parts.
 
-    whole_px: (S, 2) int64, x then y. taps: (S, 2, 2 reach) float32. noise_share: (S,) the variance of (shifted minus
-    unshifted) for a picture of white noise of variance 1.
+    Attributes:
+        whole_px: (S, 2) int64, x and y.
+        taps: (S, 2, 2 radius) float32.
+        noise_share: (S,) variance of shifted minus unshifted white noise of variance 1.
     """
 
     whole_px: IdArray
@@ -60,33 +62,33 @@ class _Shifts:
 def _shifts() -> _Shifts:
     angle = np.arange(DIRECTIONS) * 2 * np.pi / DIRECTIONS
     unit = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    source = np.round(-SHIFTS_PX[:, None, None] * unit, 9).reshape(-1, 2)  # where the content now here came from
+    source = np.round(-SHIFTS_PX[:, None, None] * unit, 9).reshape(-1, 2)  # position before the shift
     whole = np.floor(source)
     taps = _sinc_taps(source - whole)
-    own = np.array([_own_share(*pair) for pair in zip(whole.astype(np.int64), taps, strict=True)])
-    noise_share = 1 + np.prod(np.sum(taps**2, axis=2), axis=1) - 2 * own
+    self_weight = np.array([_self_weight(*pair) for pair in zip(whole.astype(np.int64), taps, strict=True)])
+    noise_share = 1 + np.prod(np.sum(taps**2, axis=2), axis=1) - 2 * self_weight
     return _Shifts(whole.astype(np.int64), taps.astype(np.float32), noise_share)
 
 
 def _sinc_taps(fraction: FloatArray) -> FloatArray:
-    """(S, 2, 2 reach) float64 of the Kaiser-windowed sinc that samples `fraction` (S, 2) past the middle tap."""
-    t = fraction[..., None] - np.arange(1 - _REACH, _REACH + 1)
-    taps = np.sinc(t) * np.i0(7 * np.sqrt(np.clip(1 - (t / _REACH) ** 2, 0, None)))
+    """Taps (S, 2, 2 radius) float64 of a Kaiser-windowed sinc that samples `fraction` (S, 2) after the middle tap."""
+    t = fraction[..., None] - np.arange(1 - _SINC_RADIUS, _SINC_RADIUS + 1)
+    taps = np.sinc(t) * np.i0(7 * np.sqrt(np.clip(1 - (t / _SINC_RADIUS) ** 2, 0, None)))
     return np.asarray(taps / taps.sum(axis=-1, keepdims=True))
 
 
-def _own_share(whole_px: IdArray, taps: FloatArray) -> float:
-    """With what weight a shifted pixel holds the pixel it is compared with."""
-    column, row = _REACH - 1 - whole_px
-    inside = 0 <= column < 2 * _REACH and 0 <= row < 2 * _REACH
+def _self_weight(whole_px: IdArray, taps: FloatArray) -> float:
+    """Weight of the compared pixel itself in the interpolation of the shifted pixel."""
+    column, row = _SINC_RADIUS - 1 - whole_px
+    inside = 0 <= column < 2 * _SINC_RADIUS and 0 <= row < 2 * _SINC_RADIUS
     return float(taps[0, column] * taps[1, row]) if inside else 0.0
 
 
 @kernel((read(F32, 2), I64, I64, I64, read(I64, 2), read(F32, 3)))
-def _ring_squares(picture: Any, x: int, y: int, half: int, whole_px: Any, taps: Any) -> Any:
-    """(S, half + 1): squared differences between picture and shifted picture, summed over square rings about (x, y).
+def _ring_squares(image: Any, x: int, y: int, half: int, whole_px: Any, taps: Any) -> Any:
+    """Sums (S, half + 1) of squared differences between image and shifted image over square rings about (x, y).
 
-    Rings, because their running sums are those of all windows up to 2 half + 1 at once.
+    Cumulative sums over the rings give the result of all windows up to 2 half + 1 at once.
     """
     side, reach = 2 * half + 1, taps.shape[2]
     rings = np.zeros((len(whole_px), half + 1))
@@ -96,13 +98,13 @@ def _ring_squares(picture: Any, x: int, y: int, half: int, whole_px: Any, taps: 
         left = x - half + whole_px[s, 0] - reach // 2 + 1
         top = y - half + whole_px[s, 1] - reach // 2 + 1
         for row in range(side + reach - 1):
-            _weighted(picture[top + row], left, taps[s, 0], wide[row])
+            _weighted(image[top + row], left, taps[s, 0], wide[row])
         for row in range(side):
             line[:] = 0
             for tap in range(reach):
                 if taps[s, 1, tap] != 0:
                     _add(taps[s, 1, tap], wide[row + tap], line)
-            _add_to_rings(line, picture[y - half + row, x - half : x + half + 1], abs(row - half), rings[s])
+            _add_to_rings(line, image[y - half + row, x - half : x + half + 1], abs(row - half), rings[s])
     return rings
 
 
@@ -121,11 +123,11 @@ def _add(weight: float, source: Any, out: Any) -> None:
 
 
 @kernel((filled(F32, 1), read(F32, 1), I64, filled(F64, 1)))
-def _add_to_rings(line: Any, plain: Any, from_middle: int, rings: Any) -> None:
+def _add_to_rings(line: Any, plain: Any, ring_of_row: int, rings: Any) -> None:
     half = len(rings) - 1
     for column in range(len(line)):
         line[column] = (line[column] - plain[column]) ** 2
-    for column in range(half - from_middle, half + from_middle + 1):
-        rings[from_middle] += line[column]
-    for ring in range(from_middle + 1, half + 1):
+    for column in range(half - ring_of_row, half + ring_of_row + 1):
+        rings[ring_of_row] += line[column]
+    for ring in range(ring_of_row + 1, half + 1):
         rings[ring] += line[half - ring] + line[half + ring]
