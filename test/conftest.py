@@ -32,16 +32,25 @@ settings.load_profile("the same examples in every run")
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
 
 _LIVE = {"demo", "examples", "faults"}  # folders of tests that start nodes
+_SLOW = {  # files with long flights, all methods at once, or whole reports
+    "test_cli", "test_compare", "test_descriptors", "test_estimators", "test_evaluate", "test_homologous",
+    "test_keyframes", "test_kernels", "test_parallax", "test_pause", "test_recovery", "test_references", "test_report",
+    "test_sar_sift", "test_static_ground", "test_synthetic", "test_uncertainty",
+}
+_QUICK_METHODS = {"direct"}  # which stands for all methods while one works
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Marks what joins a ROS graph, and what needs real videos, by fixture and folder."""
+    """Marks what joins a ROS graph, what needs real videos and what takes long, by fixture, folder, file and method."""
     for item in items:
         fixtures = getattr(item, "fixturenames", ())
+        parameters = getattr(getattr(item, "callspec", None), "params", {})
         if {"graph", "make_node"} & {*fixtures} or item.path.parent.name in _LIVE:
             item.add_marker(pytest.mark.dds)
         if "shared_data" in fixtures:
             item.add_marker(pytest.mark.big)
+        if item.path.stem in _SLOW or parameters.get("method", "direct") not in _QUICK_METHODS:
+            item.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture(scope="session")
