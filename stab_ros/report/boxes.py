@@ -47,7 +47,7 @@ def _panel(topic: TopicEvaluation, name: str, against: str, color: str) -> Panel
     _name_boxes(axes, boxes)
     cut = _cut_axis(axes, boxes)
     label(axes, "verification point", "displacement, px")
-    moving = "" if all(box.counts for box in boxes) else " Grey: moves on its own, left out of the means."
+    moving = "" if all(box.counts for box in boxes) else " Grey: moving points, excluded from the means."
     beyond = " Grey numbers: medians in px that lie above the figure." if cut else ""
     return drawn(figure, title, "Box: quartiles and median; whiskers: to the outermost value within 1.5 interquartile "
                  f"ranges; dots: outliers. “mean”: of the static points, frame by frame.{moving}{beyond}",

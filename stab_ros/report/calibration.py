@@ -45,5 +45,5 @@ def _panel(topic: TopicEvaluation) -> Panel:
         legend(axes, columns=2)
     return drawn(figure, title, "Dots: the RMSD that the reference has against itself, shifted by known amounts, mean "
                  f"over eight directions. Lines: d = a RMSD² + b RMSD, fitted up to {FIT_TO_PX:g} px (dashed). Bars: "
-                 "the range; further than this a displacement cannot be told. The table has a, b and R² of each point.",
+                 "the range, beyond which no displacement can be measured. The table has a, b and R² of each point.",
                  "Displacement in pixels over RMSD in grey levels: measured points and fitted polynomials.")

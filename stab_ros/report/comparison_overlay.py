@@ -71,8 +71,8 @@ def _pair(worst: _Worst, frame: Frame, warp: Warp, numbers: Numbers) -> Iterator
     place = worst_place(evaluation, evaluation.rows[worst.number])
     steady = warp(worst.result.name, frame, H)
     title = f"{worst.result.name}: worst frame ({worst.number})"
-    told = Markup(worst.text).format(numbers("methods", worst.result.name, "per_frame", worst.number, worst.measure))
-    yield part(Pair(title, reference, _gray(steady, frame, scale), *place), told)
+    caption = Markup(worst.text).format(numbers("methods", worst.result.name, "per_frame", worst.number, worst.measure))
+    yield part(Pair(title, reference, _gray(steady, frame, scale), *place), caption)
     yield part(Pair(f"{worst.result.name}: the same frame, raw", reference, to_gray(frame, scale), *place))
 
 

@@ -41,7 +41,7 @@ def write_comparison(comparison: Comparison, frames: Iterable[Decoded], warp: Wa
 
 def _sections(comparison: Comparison, overlays: list[Panel]) -> Iterator[Section]:
     """The figures in the order of the page."""
-    yield Section("boxes", "What is left of the motion", box_panels(comparison))
+    yield Section("boxes", "Residual motion", box_panels(comparison))
     yield Section("cost", "Time and memory", [*cost_panels(comparison), trade_panel(comparison)])
     yield Section("series", "Over time", series_panels(comparison))
     yield Section("worst", "Worst frames", overlays)

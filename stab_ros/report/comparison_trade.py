@@ -34,8 +34,8 @@ def trade_panel(comparison: Comparison) -> Panel:
     logarithmic(axes, "y", 0.8 * points[0].px, 1.25 * points[-1].px)
     _name(axes, points)
     label(axes, "time for a frame, s", f"median {what}, px")
-    return drawn(figure, title, f"Median time for a frame and median {what} of each method: lower is more exact, "
-                 "further left quicker. Both axes are logarithmic.",
+    return drawn(figure, title, f"Median time for a frame and median {what} of each method: lower is more "
+                 "accurate, further left is faster. Both axes are logarithmic.",
                  f"Median {what} in pixels over time for a frame in seconds, a point for each method.")
 
 

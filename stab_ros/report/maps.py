@@ -40,7 +40,7 @@ def _field_panel(topic: TopicEvaluation) -> Panel:
     axes.set_xlim(-0.5, width - 0.5)
     axes.set_ylim(height - 0.5, -0.5)
     return drawn(figure, title, f"Over the reference. Yellow: areas; red: means of the {len(field.regions)} "
-                 f"sub-regions, mean over the checked frames; the key shows {scale:g} px, each stream has its own.",
+                 f"sub-regions, mean over the frames where the field was measured; the key shows {scale:g} px.",
                  "Arrows on the reference picture: in which direction, and how far in pixels, the ground still moves.",
                  photo=True)
 
@@ -81,14 +81,14 @@ def point_panels(topics: Sequence[TopicEvaluation]) -> list[Panel]:
 def _point_panel(topic: TopicEvaluation) -> Panel:
     title = f"{topic.topic}: verification points"
     if not topic.points:
-        return Panel(title, "The reference has no place for a verification point.")
+        return Panel(title, "The reference has no suitable place for a verification point.")
     width, height = topic.reference.size
     figure, axes = new_axes(picture_height_in(width, height))
     show_picture(axes, gray_of(topic.reference) * 0.7)
     for point, static in zip(topic.points, topic.static, strict=True):
         _mark_point(axes, point, bool(static), width)
     return drawn(figure, title, "The windows that RMSD is measured in, on the reference. Green: static; red, dotted: "
-                 "moves on its own, left out of the means.",
+                 "moving, excluded from the means.",
                  f"The reference picture with the windows of {len(topic.points)} verification points.", photo=True)
 
 

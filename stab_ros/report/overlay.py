@@ -26,7 +26,7 @@ _EDGE_SHARE = 90.0  # percentile of the gradient above which a pixel is an edge;
 _WEAK = 0.4
 _BACKGROUND = 0.3  # brightness of the image behind its edges
 _COLORS = "Edges of the reference red, of the frame cyan, white where they agree."
-_TOLD = (("displacement_reference_px", "Displaced by {} px"), ("rmse_reference_px", "RMSE {} px"),
+_CAPTIONS = (("displacement_reference_px", "Displaced by {} px"), ("rmse_reference_px", "RMSE {} px"),
          ("rmsd_reference", "RMSD {} grey levels"))
 
 
@@ -64,14 +64,14 @@ def _of_topic(topic: TopicEvaluation, pictures: ReportImages, numbers: Numbers) 
         row = topic.rows[index]
         pair = Pair(f"{topic.topic}: {frame_name(row)}", gray_of(topic.reference),
                      pictures.whole[topic.topic, row.stamp_ns], *worst_place(topic, row))
-        yield _whole(pair, _told(topic, index, numbers))
+        yield _whole(pair, _caption_of(topic, index, numbers))
         yield part(pair)
 
 
-def _told(topic: TopicEvaluation, index: int, numbers: Numbers) -> Markup:
+def _caption_of(topic: TopicEvaluation, index: int, numbers: Numbers) -> Markup:
     """The metrics of this frame, for its caption."""
     return Markup(", ").join(Markup(text).format(numbers("topics", topic.topic, "per_frame", index, name))
-                             for name, text in _TOLD if topic.rows[index][name] is not None)
+                             for name, text in _CAPTIONS if topic.rows[index][name] is not None)
 
 
 def worst_place(topic: TopicEvaluation, row: FrameMetrics) -> tuple[int, int, str]:
@@ -83,7 +83,7 @@ def worst_place(topic: TopicEvaluation, row: FrameMetrics) -> tuple[int, int, st
     return point.x_px, point.y_px, f"About {point.name}, the verification point that is displaced most"
 
 
-def _whole(pair: Pair, told: Markup) -> Panel:
+def _whole(pair: Pair, metrics: Markup) -> Panel:
     height, width = pair.reference.shape
     left, top, side = pair.box
     small = (_SHOWN_PX, round(height * _SHOWN_PX / width))
@@ -91,17 +91,17 @@ def _whole(pair: Pair, told: Markup) -> Panel:
     both = (cv2.resize(gray, small, interpolation=cv2.INTER_AREA) for gray in (pair.reference, pair.current))
     show_picture(axes, overlaid(*both), (-0.5, width - 0.5, height - 0.5, -0.5))
     axes.add_patch(Rectangle((left, top), side, side, fill=False, edgecolor="#ffd23f", linewidth=1.5))
-    return drawn(figure, pair.title, Markup("{}. {} Yellow: the part in the next figure.").format(told, _COLORS),
+    return drawn(figure, pair.title, Markup("{}. {} Yellow: the part in the next figure.").format(metrics, _COLORS),
                  f"{pair.title}: edges of the reference in red, of the frame in cyan.", photo=True)
 
 
-def part(pair: Pair, told: Markup | str = "") -> Panel:
-    """The part around the place at full resolution. told: text before the caption."""
+def part(pair: Pair, metrics: Markup | str = "") -> Panel:
+    """The part around the place at full resolution. metrics: text before the caption."""
     left, top, side = pair.box
     figure, axes = new_axes(picture_height_in(1, 1))
     image = overlaid(pair.reference, pair.current)[top : top + side, left : left + side]
     show_picture(axes, image, (left - 0.5, left + side - 0.5, top + side - 0.5, top - 0.5))
-    caption = Markup("{}{}, at full resolution. {}").format(told, pair.place, _COLORS)
+    caption = Markup("{}{}, at full resolution. {}").format(metrics, pair.place, _COLORS)
     return drawn(figure, f"{pair.title}, part", caption,
                  f"{pair.title}: a part of the edges, pixel by pixel.", photo=True)
 

@@ -43,7 +43,7 @@ def _panel(topics: Sequence[TopicEvaluation], short: str, title: str, unit: str,
         axes.set_ylim(bottom=0)
     label(axes, "time since the first frame, s", f"{short}, {unit}")
     legend(axes)
-    return drawn(figure, f"{title} over time", "Solid: against the reference; dotted: against the frame before."
+    return drawn(figure, f"{title} over time", "Solid: against the reference; dotted: against the previous frame."
                  + (" Red ticks at the bottom: frames that were lost or have no picture." if lost else ""),
                  f"{title} in {unit} of every frame over time in seconds, for {len(topics)} streams of pictures.")
 
