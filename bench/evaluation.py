@@ -16,8 +16,9 @@ from tables import Section, Table, number, verdict
 
 from stab_ros.core.geometry import normalized
 from stab_ros.core.types import FloatArray, Frame, Gray, Homography
-from stab_ros.evaluation.evaluator import Arrival, Evaluator, EvaluatorConfig
+from stab_ros.evaluation.evaluator import Arrival, Evaluator
 from stab_ros.evaluation.frame_metrics import FrameMetrics
+from stab_ros.evaluation.settings import EvaluatorConfig
 from stab_ros.imaging.warp import warp
 from stab_ros.metrics.velocity_field import mean_field
 from stab_ros.parameters.engines import make_stabilizer

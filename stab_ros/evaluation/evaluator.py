@@ -21,8 +21,6 @@ from stab_ros.metrics.homologous import Rmse
 from stab_ros.metrics.static_points import StaticPoints
 from stab_ros.metrics.verification import VerificationPoint
 
-__all__ = ["Arrival", "Evaluator", "EvaluatorConfig"]
-
 
 @dataclass(frozen=True, eq=False)
 class Arrival:

@@ -25,7 +25,6 @@ from stab_ros.jobs.evaluate_streams import ImageStream, expected_pictures, open_
 from stab_ros.jobs.stage import Stage
 from stab_ros.parameters.engines import make_evaluator
 
-__all__ = ["EvaluationJob", "TopicEvaluation", "evaluate"]
 _WAITING_BYTES = 1 << 30  # of images whose homographies come later in the recording
 
 

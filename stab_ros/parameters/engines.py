@@ -11,11 +11,8 @@ from stab_ros.imaging.camera import Camera
 from stab_ros.io.points import read_points, read_tracking_points
 from stab_ros.io.regions import read_area
 from stab_ros.io.static_maps import read_static_map
-from stab_ros.parameters.file import EVALUATOR, TRACKER, read_config
 from stab_ros.parameters.table import evaluator_config, stabilizer_config
 from stab_ros.tracking.stabilizer import Stabilizer
-
-__all__ = ["EVALUATOR", "TRACKER", "make_evaluator", "make_stabilizer", "read_config", "reconfigure"]
 
 
 def make_stabilizer(values: Mapping[str, Value], camera: Camera | None = None) -> Stabilizer:

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.settings import Checked, setting
 from stab_ros.methods import METHODS
-from stab_ros.parameters.engines import EVALUATOR, TRACKER, make_evaluator, make_stabilizer, read_config
+from stab_ros.parameters.engines import make_evaluator, make_stabilizer
+from stab_ros.parameters.file import EVALUATOR, TRACKER, read_config
 from stab_ros.parameters.table import PARAMETERS, Parameter, checked_values, stabilizer_config
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"

@@ -23,7 +23,7 @@ from stab_ros.io.image_message import read_image
 from stab_ros.io.points import read_points, read_tracking_points
 from stab_ros.io.regions import read_area
 from stab_ros.io.static_maps import read_static_map
-from stab_ros.parameters.engines import read_config
+from stab_ros.parameters.file import read_config
 
 Read = Callable[[bytes], object]
 

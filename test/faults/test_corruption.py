@@ -32,7 +32,7 @@ from stab_ros.io.mcap_records import MAGIC, RECORD_HEAD, RECORD_LIMIT, split
 from stab_ros.io.points import read_points
 from stab_ros.io.regions import read_area
 from stab_ros.io.static_maps import read_static_map
-from stab_ros.parameters.engines import read_config
+from stab_ros.parameters.file import read_config
 
 CASES = 500
 MEMORY_MB = 300

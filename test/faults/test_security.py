@@ -18,7 +18,7 @@ from rosbags.rosbag2 import Writer as Writer2
 
 from stab_ros.core.errors import InputError
 from stab_ros.nodes.qos import replay_qos
-from stab_ros.parameters.engines import read_config
+from stab_ros.parameters.file import read_config
 from stab_ros.synthetic.flight import Shot
 
 NOTES = [message for message in FLIGHT if message.topic == "/notes"]

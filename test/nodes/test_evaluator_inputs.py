@@ -14,7 +14,8 @@ from sensor_msgs.msg import CameraInfo, Image
 from truth import IDENTITY, frame, picture, translation
 
 from stab_ros.core.types import Gray
-from stab_ros.evaluation.evaluator import Arrival, Evaluator, EvaluatorConfig
+from stab_ros.evaluation.evaluator import Arrival, Evaluator
+from stab_ros.evaluation.settings import EvaluatorConfig
 
 METRICS = "/cam/evaluator_node/metrics"
 REFERENCE = "/cam/tracker_node/reference_image"

@@ -18,7 +18,8 @@ from std_msgs.msg import Float64
 
 from stab_ros.core.types import Gray
 from stab_ros.evaluation.frame_metrics import POINT_METRICS, UNITS
-from stab_ros.jobs.evaluate import EvaluationJob, TopicEvaluation, evaluate
+from stab_ros.evaluation.results import TopicEvaluation
+from stab_ros.jobs.evaluate import EvaluationJob, evaluate
 from stab_ros.synthetic.flight import Flight, Shot, preset
 
 CONFIG = Path(__file__).parents[2] / "config" / "evaluator.yaml"
