@@ -32,7 +32,16 @@ def grid(size: tuple[int, int]) -> FloatArray:
 
 
 def rms_distance(H_a: Homography, H_b: Homography, size: tuple[int, int]) -> float:
-    """RMS distance of two homographies over the evaluation grid of a frame of `size` (width, height), px."""
+    """Root mean square distance of two homographies over the 9x9 grid of the frame.
+
+    Args:
+        H_a: (3, 3), maps pixels of the frame.
+        H_b: (3, 3), maps pixels of the same frame.
+        size: width and height of the frame, px.
+
+    Returns:
+        The distance, px.
+    """
     points = grid(size)
     return float(np.sqrt(np.mean(np.sum((apply(H_a, points) - apply(H_b, points)) ** 2, axis=1))))
 

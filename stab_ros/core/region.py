@@ -13,15 +13,15 @@ from stab_ros.core.types import BoolArray, FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """A region of the reference, given by polygons or by a mask.
+    """A part of the reference, given by polygons or by a mask.
 
     Attributes:
-        name: for error messages.
-        polygons: (N, 2) corners each, px.
-        mask: (h, w) bool, used instead of the polygons.
+        name: stands in error messages, as `roi`.
+        polygons: each (n, 2) float64, the corners x, y along the outline, in pixels of the reference.
+        mask: (h, w) bool of the size of the reference; takes the place of polygons.
 
     Raises:
-        InputError: a polygon that `check_polygon` rejects.
+        InputError: a polygon has fewer than 3 corners, crosses itself, has no area or is not finite.
     """
 
     name: str
@@ -33,10 +33,16 @@ class Region:
             check_polygon(self.name, polygon)
 
     def inside(self, size: tuple[int, int]) -> BoolArray:
-        """Mask (h, w) bool of the region for a reference of `size` (width, height).
+        """Rasterizes the region.
+
+        Args:
+            size: width and height of the reference, px.
+
+        Returns:
+            (h, w) bool: which pixels lie inside.
 
         Raises:
-            InputError: a mask of another size, or polygons completely outside the reference.
+            InputError: the mask has another size, or all polygons lie outside the reference.
         """
         if self.mask is not None:
             if self.mask.shape != (size[1], size[0]):
@@ -53,16 +59,27 @@ class Region:
 
 @dataclass(frozen=True, eq=False)
 class Area:
-    """Where features may lie: inside `roi` (anywhere if None), not inside `exclude`."""
+    """Where features may lie: inside `roi`, but not inside `exclude`.
+
+    Attributes:
+        roi: where static ground is; None: everywhere.
+        exclude: what to leave out, such as the water; None: nothing.
+    """
 
     roi: Region | None = None
     exclude: Region | None = None
 
     def allowed(self, size: tuple[int, int]) -> BoolArray:
-        """Mask (h, w) bool for a reference of `size` (width, height).
+        """Rasterizes the area.
+
+        Args:
+            size: width and height of the reference, px.
+
+        Returns:
+            (h, w) bool: which pixels may hold features.
 
         Raises:
-            InputError: no pixel is allowed, or a region does not fit the reference.
+            InputError: no pixel is left, or a region does not fit the reference.
         """
         allowed = np.ones((size[1], size[0]), bool) if self.roi is None else self.roi.inside(size).copy()
         if self.exclude is not None:

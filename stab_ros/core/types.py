@@ -28,7 +28,7 @@ CHANNELS = {"mono8": 1, "mono16": 1, "bgr8": 3, "rgb8": 3, "bgra8": 4, "rgba8": 
 
 
 class State(Enum):
-    """State of the tracker after a frame."""
+    """Whether a frame was registered to the reference."""
 
     TRACKED = "TRACKED"
     LOST = "LOST"
@@ -36,16 +36,16 @@ class State(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One decoded image of the stream.
+    """One image of a stream, decoded.
 
     Attributes:
-        image: (h, w) or (h, w, channels), uint8, or uint16 for mono16.
-        encoding: one of CHANNELS, as in sensor_msgs/Image.
-        stamp_ns: header stamp.
-        frame_id: header frame.
+        image: (h, w) or (h, w, channels); uint16 for mono16, uint8 otherwise.
+        encoding: one of `CHANNELS`, as in sensor_msgs/image_encodings: mono8, mono16, bgr8, rgb8, bgra8, rgba8.
+        stamp_ns: the header stamp, ns: when the image was taken.
+        frame_id: the header's coordinate frame.
 
     Raises:
-        ValueError: an unknown encoding, or an image of another shape or dtype.
+        ValueError: the encoding is unknown, or shape or dtype of the image do not fit it.
     """
 
     image: Image
@@ -69,11 +69,18 @@ class Frame:
 
     @property
     def kind(self) -> str:
-        """Size and encoding as text."""
+        """Size and encoding in words, for messages."""
         return f"{self.size[0]}x{self.size[1]} {self.encoding}"
 
     def is_like(self, other: Frame) -> bool:
-        """Whether both frames have the same size and encoding."""
+        """Compares size and encoding.
+
+        Args:
+            other: another frame.
+
+        Returns:
+            Whether the two frames can belong to one stream.
+        """
         return (self.size, self.encoding) == (other.size, other.encoding)
 
 
@@ -135,22 +142,23 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """The result for one frame. While LOST, `ref_H_cur`, `covariance`, `rmse_px` and `sigma_px` are None.
+    """The answer for one frame.
+
+    While LOST, `ref_H_cur`, `covariance`, `rmse_px` and `sigma_px` are None.
 
     Attributes:
         state: TRACKED or LOST.
         index: number of the frame in the stream, from 0.
-        stamp_ns: header stamp of the frame.
-        reference_stamp_ns: header stamp of the reference.
-        reset_counter: how often the reference was replaced.
-        matches: number of correspondences.
-        inliers: number of inliers of the fit.
-        ref_H_cur: (3, 3) float64.
-        covariance: (8, 8), see `Fit`.
-        rmse_px: see `Fit`.
-        sigma_px: standard deviation of points mapped by `ref_H_cur`, RMS over the 9x9 grid of the frame
-            (`geometry.sigma_px`).
-        provisional: whether it was reported before the ground was identified at the start of a reference.
+        stamp_ns: the header stamp of the frame, ns.
+        reference_stamp_ns: the header stamp of the reference, ns.
+        reset_counter: how often the reference had been replaced.
+        matches: number of correspondences that the method reported.
+        inliers: number of those that agree with the homography.
+        ref_H_cur: (3, 3) float64 with h22 = 1; maps pixels of the frame to pixels of the reference.
+        covariance: (8, 8) float64, covariance of h00, h01, h02, h10, h11, h12, h20, h21.
+        rmse_px: root mean square distance of the inliers, in pixels of the reference.
+        sigma_px: one-sigma uncertainty of `ref_H_cur`, RMS over the 9x9 grid of the frame, px.
+        provisional: whether the frame was answered before static ground was decided.
     """
 
     state: State
@@ -168,12 +176,18 @@ class Track:
 
     @property
     def tracked(self) -> bool:
+        """Whether `ref_H_cur` is known."""
         return self.state is State.TRACKED
 
 
 @dataclass(frozen=True, eq=False)
 class Stabilized:
-    """The track of a frame and the stabilized image (None if the frame is lost and `on_lost` is drop)."""
+    """A frame's track and its warped image.
+
+    Attributes:
+        track: the answer for the frame.
+        image: the frame in the place of the reference; None: it is lost and `on_lost` is `drop`.
+    """
 
     track: Track
     image: Image | None

@@ -24,10 +24,15 @@ from stab_ros.metrics.verification import VerificationPoint
 
 @dataclass(frozen=True, eq=False)
 class Arrival:
-    """One frame as the evaluator receives it. index: its number in the stream. frame: its stabilised image, if any.
+    """What has arrived of one frame of a stabilised stream.
 
-    ref_H_cur: None where the frame was lost or has no homography. reference_size: width and height, px, of
-    the reference of the homography; None: unknown.
+    Attributes:
+        index: number of the frame in the stream, from 0.
+        stamp_ns: the header stamp of the frame, ns.
+        ref_H_cur: (3, 3), its homography; None: the frame is lost, or came without one.
+        lost: whether the stabiliser lost the frame.
+        frame: the stabilised image; None: there is none.
+        reference_size: width and height of the reference that the homography belongs to, px; None: unknown.
     """
 
     index: int
@@ -48,7 +53,16 @@ class _Seen:
 
 
 class Evaluator:
-    """Measures every frame against the reference: the one given, else the first frame."""
+    """Measures how still a stabilised stream stands, frame by frame, against its first frame or a given reference.
+
+    RMSD, displacement and velocity fields follow Ljubicic et al. 2021, section 2.5; the RMSE of homologous points
+    follows Zhang et al. 2023, section 2.3.
+
+    Args:
+        config: what to measure; `parameters.make_evaluator` makes it from parameters by name.
+        named_points: verification points: name, x and y in pixels of the reference; none: they are chosen.
+        area: where verification points may lie; None: everywhere.
+    """
 
     def __init__(self, config: EvaluatorConfig, named_points: Sequence[NamedPoint] = (),
                  area: Area | None = None) -> None:
@@ -63,32 +77,41 @@ class Evaluator:
 
     @property
     def reference(self) -> Frame | None:
+        """The reference frame; None before the first image."""
         return self._measures.frame if self._measures else None
 
     @property
     def points(self) -> tuple[VerificationPoint, ...]:
+        """The verification points; none before the first image."""
         return self._measures.points if self._measures else ()
 
     @property
     def static(self) -> BoolArray:
-        """(P,) bool: which of `points` have moved together with the majority so far."""
+        """(n,) bool: which of `points` have moved with the majority so far, and count in the means."""
         return self._static.static
 
     @property
     def check_is_due(self) -> bool:
-        """Whether the RMSE of homologous points and the velocity field are due at the next measured frame."""
+        """Whether RMSE and velocity field are due on the next measured frame (see `rmse_every`)."""
         number = self._measured + 1
         return number == 1 or number % self.config.rmse_every == 0
 
     def reconfigure(self, config: EvaluatorConfig) -> None:
-        """Applies new thresholds and scales; everything computed from the reference stays as it is."""
+        """Changes thresholds and scales; what was prepared from the reference stays as it is.
+
+        Args:
+            config: the new settings.
+        """
         self.config = config
 
     def use_reference(self, frame: Frame) -> None:
-        """Makes this frame the reference.
+        """Measures against this image from now on.
+
+        Args:
+            frame: the reference; one with the stamp of the current reference changes nothing.
 
         Raises:
-            InputError: a region or a point of the user does not fit it.
+            InputError: a region or a point that the user gave does not fit it.
         """
         if self._measures is not None and frame.stamp_ns == self._measures.frame.stamp_ns:
             return
@@ -99,10 +122,17 @@ class Evaluator:
         self._measured = 0
 
     def step(self, arrival: Arrival, check: bool = True) -> FrameMetrics:
-        """The metrics of one frame; `check=False` skips the slow ones even where they are due.
+        """Measures one frame.
+
+        Args:
+            arrival: the image and its homography.
+            check: whether RMSE and velocity field, which take long, may be computed where they are due.
+
+        Returns:
+            The measures of the frame.
 
         Raises:
-            InputError: as `use_reference`, for the first frame; or the image has another size than its reference.
+            InputError: as `use_reference`, for the first image; or the image does not show the view of the reference.
         """
         if arrival.lost or arrival.frame is None:
             return FrameMetrics(arrival.index, arrival.stamp_ns, Outcome.LOST if arrival.lost else Outcome.NO_IMAGE)

@@ -56,11 +56,16 @@ def _no_points() -> Mapping[str, FloatArray]:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FrameMetrics:
-    """The metrics of one frame; a metric that was not measured is missing from `values`.
+    """The measures of one frame.
 
-    frame: its number in the stream, from 0. values: by the names of UNITS, means over the static points.
-    points: for each of POINT_METRICS the values of all verification points (P,), NaN where not measured.
-    static: (P,) bool, the points included in the means. field: the residual velocity field, where it was measured.
+    Attributes:
+        frame: number of the frame in the stream, from 0.
+        stamp_ns: the header stamp of the frame, ns.
+        outcome: whether the frame was measured, is the reference, is lost or came without an image.
+        values: value by the names of `UNITS`, means over the static points; a missing name could not be measured.
+        points: for each name of `POINT_METRICS` the values of all verification points, (n,), NaN where there is none.
+        static: (n,) bool, the points that count in the means.
+        field: the residual velocity field, where it was due.
     """
 
     frame: int

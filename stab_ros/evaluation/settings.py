@@ -13,7 +13,12 @@ NamedPoint: TypeAlias = tuple[str, float, float]  # name, x and y in reference p
 
 @dataclass(frozen=True)
 class EvaluatorConfig(Checked):
-    """What the evaluator measures, and the thresholds above which it reports a problem."""
+    """What an `Evaluator` measures, and from which value on it is a problem; each field carries its range and meaning.
+
+    Raises:
+        ConfigError: a value has the wrong type or is out of range, or a warning threshold lies above the one for an
+            error.
+    """
 
     points: int = setting(12, "Number of verification points chosen in the reference frame", 1, 100)
     window_px: int = setting(

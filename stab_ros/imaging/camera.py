@@ -20,16 +20,16 @@ _MARGIN_PX = 16  # margin of features to pixels without image content, beyond th
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A calibrated camera.
+    """A calibrated camera, as sensor_msgs/CameraInfo describes it.
 
     Attributes:
-        K: (3, 3) float64 intrinsic matrix, px.
-        D: (n,) float64 distortion coefficients of `model`; n = 0 for none.
-        model: distortion model of sensor_msgs.
-        size: width and height, px.
+        K: (3, 3) float64, the intrinsic matrix, px.
+        D: (n,) float64, the distortion coefficients of `model`; all zero or empty: no distortion.
+        model: plumb_bob, rational_polynomial or equidistant (Kannala & Brandt), as in sensor_msgs/distortion_models.
+        size: width and height of the image, px.
 
     Raises:
-        InputError: K or D is not finite, a focal length is not positive, the model is unknown or D does not fit it.
+        InputError: K or D is not finite, a focal length is not positive, or D does not fit the model.
     """
 
     K: FloatArray
@@ -49,38 +49,54 @@ class Camera:
 
     @property
     def fisheye(self) -> bool:
+        """Whether the lens follows the equidistant model."""
         return self.model == "equidistant" and len(self.D) > 0
 
     @property
     def distorts(self) -> bool:
-        """Whether the lens distorts the image; an equidistant (fisheye) lens does even if its coefficients are 0."""
+        """Whether the image differs from that of a pinhole camera; a fisheye does even without coefficients."""
         return self.fisheye or bool(np.any(self.D))
 
     def undistort(self, image: Image) -> Image:
-        """The image without lens distortion, with the same K and size; (h, w) or (h, w, channels), linear."""
-        return _resampled(image, self._undistorting, cv2.INTER_LINEAR) if self.distorts else image
-
-    def rectify(self, image: Image, ref_H_cur: Homography, size: tuple[int, int], interpolation: int) -> Image:
-        """The image without lens distortion and warped by `ref_H_cur`, with a single interpolation.
-
-        Equivalent to image_proc with the published camera_info.
+        """Removes the lens distortion.
 
         Args:
             image: (h, w) or (h, w, channels), as taken.
-            ref_H_cur: homography of undistorted pixels.
+
+        Returns:
+            The image of a pinhole camera with the same K and size; 0 where the lens shows nothing.
+        """
+        return _resampled(image, self._undistorting, cv2.INTER_LINEAR) if self.distorts else image
+
+    def rectify(self, image: Image, ref_H_cur: Homography, size: tuple[int, int], interpolation: int) -> Image:
+        """Removes the lens distortion and applies a homography, with one interpolation for both.
+
+        Args:
+            image: (h, w) or (h, w, channels), as taken.
+            ref_H_cur: (3, 3), maps undistorted pixels of the frame to those of the result.
             size: width and height of the result, px.
-            interpolation: flag of cv2.remap.
+            interpolation: a flag of OpenCV, as `cv2.INTER_LINEAR`.
+
+        Returns:
+            The image in the place of the reference, 0 beyond the border; channels and dtype of `image`.
         """
         return _resampled(image, self._maps(ref_H_cur, size), interpolation)
 
     def downscaled(self, downscaling: Downscaling) -> Camera:
-        """The camera of the reduced image."""
+        """Scales the intrinsics to a downscaled image.
+
+        Args:
+            downscaling: how the image is downscaled.
+
+        Returns:
+            The camera that would take the downscaled image.
+        """
         width, height = (n >> downscaling.level for n in self.size)
         return Camera(downscaling.scale @ self.K, self.D, self.model, (width, height))
 
     @cached_property
     def visible(self) -> BoolArray:
-        """(h, w) bool: pixels of the undistorted image with content, with a margin of 16 px to those without."""
+        """(h, w) bool: where the undistorted image shows something, with a margin to its border."""
         shown = self.undistort(np.full((self.size[1], self.size[0]), 255, np.uint8)) == 255
         if shown.all():
             return np.asarray(shown)

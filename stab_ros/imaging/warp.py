@@ -25,16 +25,19 @@ _WHOLE = Window()
 
 def warp(image: Image, ref_H_cur: Homography, size: tuple[int, int], interpolation: str, camera: Camera | None,
          window: Window = _WHOLE, allocate: Allocate = np.empty) -> Image:
-    """`image` warped to the reference, with the same channels and dtype; 0 outside the image.
+    """Warps an image to the reference.
 
     Args:
         image: (h, w) or (h, w, channels), uint8 or uint16.
-        ref_H_cur: (3, 3).
+        ref_H_cur: (3, 3), maps pixels of the image (undistorted, if there is a camera) to pixels of the reference.
         size: width and height of the reference, px.
-        interpolation: one of INTERPOLATION.
-        camera: its lens distortion is removed in the same interpolation; None for none.
-        window: part of the reference to show, and its scale.
-        allocate: creates the result from its shape and dtype.
+        interpolation: nearest, linear, cubic or lanczos.
+        camera: its lens distortion is removed in the same interpolation; None: the image is taken as it is.
+        window: which part of the reference the result shows, and at which scale.
+        allocate: makes the array for the result from its shape and dtype.
+
+    Returns:
+        The image in the place of the reference: channels and dtype of `image`, 0 beyond its border.
     """
     downscaling, warped_size = window.downscaling, window.size(size)
     warped_H_image = window.window_H_cur(ref_H_cur)

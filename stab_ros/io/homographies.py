@@ -26,7 +26,13 @@ TRACK_COLUMNS = ("matches", "inliers", "rmse_px", "sigma_px", "reset_counter")
 
 @dataclass(frozen=True, eq=False, slots=True)
 class HomographyRow:
-    """One row: `ref_H_cur` (3, 3) is None while lost."""
+    """One row of a table of homographies.
+
+    Attributes:
+        frame: number of the frame in the input, from 0.
+        stamp_ns: the header stamp of the frame, ns.
+        ref_H_cur: (3, 3) float64, maps pixels of the frame to pixels of the reference; None while lost.
+    """
 
     frame: int
     stamp_ns: int
@@ -34,7 +40,10 @@ class HomographyRow:
 
 
 class HomographyWriter:
-    """Writes H.csv row by row; every row is flushed before the next frame is processed.
+    """Writes a table of homographies (`H.csv`) row by row; each row is flushed. A context manager.
+
+    Args:
+        path: the file; an existing one is overwritten.
 
     Raises:
         WorkError: the file cannot be written (any method).
@@ -49,10 +58,16 @@ class HomographyWriter:
         self._write((*COLUMNS, *TRACK_COLUMNS))
 
     def write(self, frame: int, track: Track) -> None:
-        """`frame`: its number in the input, from 0, images that cannot be decoded included."""
+        """Appends a row.
+
+        Args:
+            frame: number of the frame in the input, from 0; images that cannot be decoded count.
+            track: the answer for the frame.
+        """
         self._write(_cells(frame, track))
 
     def close(self) -> None:
+        """Closes the file."""
         try:
             self._file.close()
         except OSError as error:
@@ -87,10 +102,16 @@ def _cells(frame: int, track: Track) -> list[str]:
 
 
 def read_homographies(path: Path) -> list[HomographyRow]:
-    """The rows of H.csv or of a truth file, in the order of the file.
+    """Reads `H.csv` or a truth file.
+
+    Args:
+        path: the file; columns after h22 are ignored.
+
+    Returns:
+        The rows in the order of the file.
 
     Raises:
-        InputError: no such file, a column is missing, or a cell is not a number.
+        InputError: the file is missing, a column is missing, or a cell is not a number.
     """
     try:
         with path.open(encoding="utf-8", newline="") as file:

@@ -13,9 +13,14 @@ from stab_ros.io.frame_reader import Decoded
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """One image of the stream.
+    """One image of a recorded stream.
 
-    decoded: its frame, or the error that decoding raised. data: the recorded message (CDR); None: there is none.
+    Attributes:
+        log_time_ns: when the message was recorded, ns.
+        publish_time_ns: when it was published, ns.
+        stamp_ns: the header stamp, ns.
+        decoded: the frame, or the MessageError that says why it cannot be decoded.
+        data: the recorded message in CDR; None for videos and folders.
     """
 
     log_time_ns: int

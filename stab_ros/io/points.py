@@ -53,10 +53,16 @@ def _listed(text: str) -> FloatArray:
 
 
 def read_points(path: Path) -> tuple[NamedPoint, ...]:
-    """Name, x and y of every row; further columns do not matter.
+    """Reads named points.
+
+    Args:
+        path: a CSV file with the columns name, x, y, in pixels of the reference; further columns are ignored.
+
+    Returns:
+        Name, x and y of each row.
 
     Raises:
-        InputError: no such file, no such columns, no row, a name twice or a cell that is not a number.
+        InputError: the file, a column or all rows are missing, a name occurs twice, or a cell is not a number.
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:

@@ -18,10 +18,17 @@ _MAX_TEXT = 2**20  # characters
 
 
 def read_area(values: Mapping[str, Value]) -> Area:
-    """The area that the parameters `roi` and `exclude` leave.
+    """Reads the parameters `roi` and `exclude`.
+
+    Args:
+        values: parameters by name; each of the two is JSON `[[[x, y], ...], ...]`, or the path of such a .json file or
+            of a PNG mask.
+
+    Returns:
+        The area that they leave.
 
     Raises:
-        InputError: a file that is missing or no mask, JSON that is no list of polygons, or a bad polygon.
+        InputError: a file is missing or no mask, the JSON is no list of polygons, or a polygon is invalid.
     """
     return Area(_region("roi", str(values.get("roi", ""))), _region("exclude", str(values.get("exclude", ""))))
 

@@ -26,10 +26,12 @@ __all__ = [
 
 
 class Source(Protocol):
-    """A stream to stabilise: the images of `image_topic` among all other messages, in the order they were logged.
+    """A recording: the images of one topic among all other messages, in the order in which they were logged.
 
-    count: number of images, None if the input does not announce it. topics: all topics, `image_topic` among them.
-    warnings: what could not be read, complete once `items` has come to its end.
+    Attributes:
+        name: the path, for messages.
+        image_topic: the topic of the images.
+        count: number of images; None where the input does not say.
     """
 
     name: str
@@ -37,38 +39,72 @@ class Source(Protocol):
     count: int | None
 
     @property
-    def topics(self) -> Mapping[str, Topic]: ...
+    def topics(self) -> Mapping[str, Topic]:
+        """All topics by name, `image_topic` among them."""
 
     @property
-    def warnings(self) -> list[str]: ...
+    def warnings(self) -> list[str]:
+        """What could not be read, one line each; complete once `items` is exhausted."""
 
     def items(self, limit: int | None = None, others: Collection[str] | None = None) -> Iterator[Picture | Message]:
-        """Everything, up to `limit` images; of the other topics only `others`, if given.
+        """Reads images and other messages.
+
+        Args:
+            limit: stop after so many images; None: read all.
+            others: the other topics to read; None: all of them.
+
+        Returns:
+            An iterator over images and messages in the order in which they were logged.
 
         Raises:
             InputError: at the end, if not one image could be decoded.
         """
 
     def frames(self, limit: int | None = None) -> Iterator[Picture]:
-        """The images alone, as `items`."""
+        """Reads the images alone.
 
-    def rate_hz(self) -> float:
-        """Frames per second, from the stamps."""
+        Args:
+            limit: stop after so many images; None: read all.
 
-    def camera(self) -> Camera:
-        """The camera that took the images.
+        Returns:
+            An iterator over the images.
 
         Raises:
-            InputError: the input holds no camera_info, or one of another image size.
+            InputError: as `items`.
+        """
+
+    def rate_hz(self) -> float:
+        """Estimates the frame rate.
+
+        Returns:
+            Frames per second, from the stamps.
+        """
+
+    def camera(self) -> Camera:
+        """Reads the calibration of the camera.
+
+        Returns:
+            The camera that took the images.
+
+        Raises:
+            InputError: the recording holds no camera_info, or one for another image size.
         """
 
 
 @contextmanager
 def open_source(path: Path, image_topic: str | None = None, fps: float | None = None) -> Iterator[Source]:
-    """Opens any input. `fps` applies to videos and folders; `image_topic` may be omitted if there is only one.
+    """Opens a recording: a context manager.
+
+    Args:
+        path: an MCAP file, a rosbag2 folder, a ROS 1 bag, a video file or a folder of images, which are sorted by name.
+        image_topic: which topic to read; may be left out where there is only one image topic.
+        fps: frames per second of a video or a folder; None: as the file says, else 25.
+
+    Yields:
+        The recording.
 
     Raises:
-        InputError: the input is missing, is none of the kinds we read, or has no such image topic.
+        InputError: the input is missing, is of no known kind, or has no such image topic.
     """
     kind = kind_of(path)
     if kind is Kind.BAG:

@@ -20,10 +20,16 @@ from stab_ros.tracking.static_map import StaticMap
 
 
 def read_static_map(values: Mapping[str, Value]) -> StaticMap | None:
-    """The map of the parameter `static_map`; None if it is empty.
+    """Reads the parameter `static_map`.
+
+    Args:
+        values: parameters by name; `static_map` is the path of a PNG (white: static ground) or of a bag with a map.
+
+    Returns:
+        The map; None where the parameter is empty.
 
     Raises:
-        InputError: a file that is missing or no image, or a bag without a map.
+        InputError: the file is missing, is no image, or is a bag without a map.
     """
     text = str(values.get("static_map", "")).strip()
     if not text:

@@ -16,10 +16,17 @@ from stab_ros.tracking.stabilizer import Stabilizer
 
 
 def make_stabilizer(values: Mapping[str, Value], camera: Camera | None = None) -> Stabilizer:
-    """A stabilizer with the defaults overridden by `values`.
+    """Makes a stabiliser from parameters.
+
+    Args:
+        values: parameters of the tracker by name; the others keep their defaults, or those of the preset.
+        camera: the lens whose distortion is removed first; None: frames are taken as they are.
+
+    Returns:
+        The stabiliser.
 
     Raises:
-        InputError: a value, a region or the points are invalid.
+        InputError: a name is unknown, or a value, a region or the points are wrong.
     """
     return Stabilizer(stabilizer_config(values), read_area(values), camera, read_tracking_points(values),
                       read_static_map(values))
@@ -35,10 +42,16 @@ def reconfigure(stabilizer: Stabilizer, values: Mapping[str, Value]) -> None:
 
 
 def make_evaluator(values: Mapping[str, Value]) -> Evaluator:
-    """An evaluator with the defaults overridden by `values`.
+    """Makes an evaluator from parameters.
+
+    Args:
+        values: parameters of the evaluator by name; the others keep their defaults.
+
+    Returns:
+        The evaluator.
 
     Raises:
-        InputError: a value, a region or the file of points is invalid.
+        InputError: a name is unknown, or a value, a region or the file of points is wrong.
     """
     points_file = values.get("points_file", "")
     points = read_points(Path(str(points_file))) if points_file else ()

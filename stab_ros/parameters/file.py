@@ -25,12 +25,20 @@ _CONFIG_LIMIT = 2**17  # characters of a parameter file; PyYAML reads 100,000 a 
 
 
 def read_config(path: Path, node: str = TRACKER) -> dict[str, Value]:
-    """The engine's parameters of `node` in a ROS parameter file: every `ros__parameters` under `/**` or that node.
+    """Reads the parameters of a node from a ROS parameter file.
 
-    Parameters of the other node's engine are skipped under `/**`, those of the nodes themselves everywhere.
+    All `ros__parameters` under `/**` or under a name of the node count. Under `/**` may also stand what only another
+    node of this package knows.
+
+    Args:
+        path: the YAML file.
+        node: the name of the node.
+
+    Returns:
+        Value by name, with the types of the parameters.
 
     Raises:
-        InputError: the file is missing, is no ROS parameter file, is for other nodes, or has an invalid parameter.
+        InputError: the file is missing, is no ROS parameter file or is for other nodes, or a parameter in it is wrong.
     """
     nodes = list(_nodes(_document(path)))
     if not nodes:

@@ -16,7 +16,14 @@ REFERENCES = ("fixed", "updated", "adjacent", "keyframe")
 
 @dataclass(frozen=True)
 class StabilizerConfig(Checked):
-    """Parameters of the tracker. `method_config` is the `Config` of the method; None: its defaults."""
+    """Settings of a `Stabilizer` that do not belong to one method; each field carries its range and meaning.
+
+    Attributes:
+        method_config: the `Config` of the method; None: its defaults.
+
+    Raises:
+        ConfigError: a value has the wrong type, is out of range or is none of the choices.
+    """
 
     method: str = setting("direct", "Method that finds the features of the reference again", choices=tuple(METHODS))
     model: str = setting("projective", "Transformation model of the homography", choices=MODELS)
@@ -55,9 +62,5 @@ class StabilizerConfig(Checked):
 
     @property
     def window(self) -> Window:
-        """The part of the reference that `image_stabilized` shows.
-
-        Raises:
-            ConfigError: `output_roi` is no region, or too large.
-        """
+        """What `image_stabilized` shows of the reference, and at which scale."""
         return Window.of(self.output_roi, self.output_scale)

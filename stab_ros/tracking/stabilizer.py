@@ -30,7 +30,15 @@ from stab_ros.tracking.static_map import StaticMap
 
 
 class Stabilizer:
-    """Registers a stream of frames to its first textured frame."""
+    """Registers each frame of a stream to one reference frame.
+
+    The reference is the first textured frame. It stays until `reset_reference` is called, or until a frame of
+    another size or encoding arrives. The answers depend on the frames and their stamps alone, never on a clock: live
+    and offline processing give the same homographies.
+
+    Either call `answers` for each frame and `finish` at the end, which buffers the frames of the first `start_s`
+    seconds until static ground is told from moving water. Or call `track`, which answers each frame at once.
+    """
 
     def __init__(self, config: StabilizerConfig, area: Area | None = None, camera: Camera | None = None,
                  points_px: FloatArray = NO_POINTS, static_map: StaticMap | None = None) -> None:
@@ -53,7 +61,13 @@ class Stabilizer:
         self._timeline, self._frames = Timeline(), 0
 
     def step(self, frame: Frame) -> Stabilized:
-        """`track` and `warp` in one.
+        """Tracks a frame and warps it: `track` and `warp` in one call.
+
+        Args:
+            frame: the next frame of the stream.
+
+        Returns:
+            The track, and the warped image (None while lost, if `on_lost` is `drop`).
 
         Raises:
             InputError: as `track`.

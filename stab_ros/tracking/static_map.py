@@ -17,14 +17,28 @@ _STEP_PX = 4  # of the grid that the ground is kept on: finer than features lie 
 
 @dataclass(frozen=True, eq=False)
 class StaticMap:
-    """cells: (h/4, w/4) uint8, from 0, not ground, to 255, ground. size: width, height of the reference, px."""
+    """Where static ground lies in the reference, on a grid of 4x4 px cells.
+
+    Attributes:
+        cells: (ceil(h/4), ceil(w/4)) uint8, from 0 (not ground) to 255 (ground).
+        size: width and height of the reference, px.
+    """
 
     cells: Gray
     size: tuple[int, int]
 
     @staticmethod
     def of_features(features_px: FloatArray, trust: FloatArray, size: tuple[int, int]) -> StaticMap:
-        """Each pixel takes the weight, (N,) in [0, 1], of the nearest of the features at (N, 2) px."""
+        """Spreads what is known of features to the pixels nearest to each (its Voronoi cell).
+
+        Args:
+            features_px: (n, 2) float64, the features, in pixels of the reference.
+            trust: (n,) float64 in [0, 1], how much each feature is trusted to be static ground.
+            size: width and height of the reference, px.
+
+        Returns:
+            The map.
+        """
         shape = (-(-size[1] // _STEP_PX), -(-size[0] // _STEP_PX))
         free = np.full(shape, 255, np.uint8)
         column, row = (np.clip(features_px.T // _STEP_PX, 0, np.array(shape[::-1])[:, None] - 1)).astype(int)
@@ -36,23 +50,48 @@ class StaticMap:
 
     @staticmethod
     def of_mask(allowed: BoolArray) -> StaticMap:
-        """All of `allowed`, (h, w) bool, is ground, the rest is not."""
+        """Makes a map from a mask.
+
+        Args:
+            allowed: (h, w) bool, True where static ground is.
+
+        Returns:
+            The map.
+        """
         return StaticMap.of_picture(allowed.astype(np.uint8) * 255)
 
     @staticmethod
     def of_picture(picture: Gray) -> StaticMap:
-        """A map from an image, (h, w) uint8: 0, not ground, to 255, ground."""
+        """Makes a map from an image, as `picture` returns it.
+
+        Args:
+            picture: (h, w) uint8, from 0 (not ground) to 255 (ground).
+
+        Returns:
+            The map.
+        """
         height, width = picture.shape
         cells = cv2.resize(picture, (-(-width // _STEP_PX), -(-height // _STEP_PX)), interpolation=cv2.INTER_NEAREST)
         return StaticMap(np.asarray(cells), (width, height))
 
     def picture(self) -> Gray:
-        """(h, w) uint8 of the size of the reference."""
+        """The map as an image of the size of the reference.
+
+        Returns:
+            (h, w) uint8, from 0 (not ground) to 255 (ground).
+        """
         whole = np.repeat(np.repeat(self.cells, _STEP_PX, axis=0), _STEP_PX, axis=1)
         return np.ascontiguousarray(whole[: self.size[1], : self.size[0]])
 
     def at(self, points_px: FloatArray) -> FloatArray:
-        """(N,) in [0, 1], how much (N, 2) px of the reference are ground; 1 outside of it, where nothing is known."""
+        """Looks up how much points are ground.
+
+        Args:
+            points_px: (n, 2) float64, in pixels of the reference.
+
+        Returns:
+            (n,) float64 in [0, 1]; 1 outside the reference, where nothing is known.
+        """
         shown = inside(points_px, self.size)
         column, row = (points_px[shown].T // _STEP_PX).astype(int)
         ground = np.ones(len(points_px))
@@ -60,11 +99,25 @@ class StaticMap:
         return ground
 
     def differs(self, other: StaticMap) -> float:
-        """Share of the reference that one map takes for ground and the other does not."""
+        """Compares two maps of the same reference.
+
+        Args:
+            other: another map.
+
+        Returns:
+            The share of the reference, in [0, 1], that is ground in one map and not in the other.
+        """
         return float(np.mean((self.cells >= _GROUND) != (other.cells >= _GROUND)))
 
     def check_size(self, size: tuple[int, int]) -> None:
-        """Raises InputError for a reference of another size (width, height)."""
+        """Checks that the map belongs to a reference of this size.
+
+        Args:
+            size: width and height of the reference, px.
+
+        Raises:
+            InputError: the map has another size.
+        """
         if self.size != size:
             raise InputError(f"static_map: it is {self.size[0]}x{self.size[1]}, "
                              f"it must be {size[0]}x{size[1]} as the reference")
