@@ -23,12 +23,24 @@ from stab_ros.core.settings import Value
 from stab_ros.demo.news import News
 from stab_ros.demo.processes import PLAYER, Node, started
 from stab_ros.demo.stages import bar
+from stab_ros.io.topics import (
+    CAMERA_INFO_TOPIC,
+    DEFAULT_NAMESPACE,
+    DIAGNOSTICS_TOPIC,
+    HOMOGRAPHY_TOPIC,
+    METRICS_TOPIC,
+    RAW_COMPRESSED_TOPIC,
+    STABILIZED_TOPIC,
+    TRACK_TOPIC,
+    topic_in,
+)
 from stab_ros.nodes.bag_player_node import PlayerSettings
 
-HOMOGRAPHY, TRACK, STABILIZED = "/camera/homography", "/camera/track", "/camera/image_stabilized"
-METRICS, RAW = "/camera/metrics", "/camera/image_raw/compressed"
+HOMOGRAPHY, TRACK, STABILIZED, METRICS, RAW, _CAMERA_INFO = (
+    topic_in(DEFAULT_NAMESPACE, topic) for topic in (HOMOGRAPHY_TOPIC, TRACK_TOPIC, STABILIZED_TOPIC, METRICS_TOPIC,
+                                                     RAW_COMPRESSED_TOPIC, CAMERA_INFO_TOPIC))
 RECORDER, TRACKER, EVALUATOR = "bag_recorder_node", "tracker_node", "evaluator_node"
-_PASSED_ON = (RAW, "/camera/camera_info", "/gps/fix")
+_PASSED_ON = (RAW, _CAMERA_INFO, "/gps/fix")
 _STEP_NS = 100_000_000
 _FIRST_DOMAIN, _DOMAINS = 215, 18  # domains outside of the ephemeral ports of Linux, and rarely used
 
@@ -70,10 +82,11 @@ def replay(job: Replay) -> int:
             started(RECORDER, job.log, {"output": str(job.output), "overwrite": True, "topics": topics}))
         tracker = stack.enter_context(started(TRACKER, job.log, {
             "image_transport": "compressed", "queue_depth": 0, "wait_for_subscribers": 3,
-        }, "__ns:=/camera", "~/track:=track"))
+        }, f"__ns:={DEFAULT_NAMESPACE}", "~/track:=track"))
         # recorder and listener must not miss a frame: the evaluator waits for both, and the tracker for all three
         evaluator = stack.enter_context(started(
-            EVALUATOR, job.log, {**job.judging, "wait_for_subscribers": 2}, "__ns:=/camera", "~/metrics:=metrics"))
+            EVALUATOR, job.log, {**job.judging, "wait_for_subscribers": 2}, f"__ns:={DEFAULT_NAMESPACE}",
+            "~/metrics:=metrics"))
         listener = stack.enter_context(_Listener.subscribed())
         player = stack.enter_context(started(
             PLAYER, job.log, {"bag": str(job.recording), "rate": job.rate, "wait_for_subscribers": 2}))
@@ -117,7 +130,7 @@ class _Listener:
             keep_all = QoSProfile(history=HistoryPolicy.KEEP_ALL)
             for msg_class, topic in ((CameraInfo, HOMOGRAPHY), (DiagnosticArray, METRICS)):
                 node.create_subscription(msg_class, topic, partial(answers._add, topic), keep_all, raw=True)
-            node.create_subscription(DiagnosticArray, "/diagnostics", answers._hear, keep_all)
+            node.create_subscription(DiagnosticArray, DIAGNOSTICS_TOPIC, answers._hear, keep_all)
             executor.add_node(node)
             yield answers
         finally:

@@ -21,8 +21,9 @@ from stab_ros.io.source import (
     namespace_of,
     open_source,
 )
+from stab_ros.io.topics import HOMOGRAPHY_TOPIC, RAW_COMPRESSED_TOPIC, RAW_TOPIC, STABILIZED_TOPIC, topic_in
 
-_STABILIZED, _RAW = "image_stabilized", ("image_raw", "image_raw/compressed")
+_RAW = (RAW_TOPIC, RAW_COMPRESSED_TOPIC)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +59,9 @@ def open_streams(path: Path, image_topics: Sequence[str], fps: float | None) -> 
 def _stream(source: BagSource) -> ImageStream:
     """A stream with its topics; only a stabilised one has homographies and a reference."""
     namespace = namespace_of(source.topics[source.image_topic])
-    if source.image_topic != f"{namespace}/{_STABILIZED}":
+    if source.image_topic != topic_in(namespace, STABILIZED_TOPIC):
         return ImageStream(source)
-    homography = source.topics.get(f"{namespace}/homography")
+    homography = source.topics.get(topic_in(namespace, HOMOGRAPHY_TOPIC))
     known = homography is not None and homography.msgtype == CAMERA_INFO and homography.count
     references = [topic.name for topic in source.topics.values() if topic.msgtype == IMAGE
                   and topic.name.startswith(f"{namespace}/") and topic.name.endswith(REFERENCE_IMAGE)]
@@ -94,10 +95,10 @@ def _no_images(name: str) -> list[str]:
 
 def _raw_and_stabilized(filled: Sequence[str]) -> list[str] | None:
     """The raw and the stabilised topic of the only stabilised camera; None if the choice is ambiguous."""
-    stabilized = [topic for topic in filled if topic.endswith(f"/{_STABILIZED}")]
+    stabilized = [topic for topic in filled if topic.endswith(f"/{STABILIZED_TOPIC}")]
     if len(stabilized) != 1:
         return None
-    namespace = stabilized[0].removesuffix(_STABILIZED)
+    namespace = stabilized[0].removesuffix(STABILIZED_TOPIC)
     raw = [topic for topic in filled if topic in [namespace + suffix for suffix in _RAW]]
     strangers = [topic for topic in filled if not topic.startswith(namespace)]
     return None if strangers else [*raw[:1], *stabilized]

@@ -38,7 +38,7 @@ _MAX_DISPLACEMENT_PX = 2.0  # the linearization of a patch does not hold beyond
 
 
 @dataclass(frozen=True)
-class Schedule:
+class PassSchedule:
     """Iterations of an alignment.
 
     Attributes:
@@ -54,11 +54,11 @@ class Schedule:
     converged_px: float
 
 
-_COARSE = Schedule(3, "affine", 1.0, 0.2)
-_FINE = Schedule(4, "projective", 0.5, 0.01)
+_COARSE = PassSchedule(3, "affine", 1.0, 0.2)
+_FINE = PassSchedule(4, "projective", 0.5, 0.01)
 
 
-def _fine_schedule(patches: int) -> Schedule:
+def _fine_schedule(patches: int) -> PassSchedule:
     """The iterations at full resolution, with the most general model that so many patches determine."""
     models = [model for model in MODELS if minimal_points(model) <= patches]
     return replace(_FINE, model=models[-1]) if models else _FINE
@@ -184,7 +184,7 @@ class Direct:
         return trusted[:: max(1, len(trusted) // _ALIGNING_PATCHES)]
 
     def _align(self, patches: Patches, measured: Correspondences, chosen: IdArray, gray: Gray, H: Homography,
-               trust: FloatArray, schedule: Schedule) -> Homography | None:
+               trust: FloatArray, schedule: PassSchedule) -> Homography | None:
         """H after Gauss-Newton steps that start from `measured`, the displacements at H; None where a step fails."""
         for step in range(schedule.max_steps):
             pairs = self._measure(patches, chosen, gray, H) if step else measured

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
@@ -12,7 +11,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from stab_ros.core.errors import ConfigError, InputError
-from stab_ros.core.settings import Range, Value, checked
+from stab_ros.core.settings import Range, Value, checked, did_you_mean
 from stab_ros.parameters.table import Parameter, parameters_of
 
 _OF_ROS = ("use_sim_time", "start_type_description_service")
@@ -92,9 +91,8 @@ def warn_of_unknown(node: Node, known: Collection[str]) -> None:
     for name in node.get_parameters_by_prefix(""):
         if name in known or name in _OF_ROS or name.startswith("qos_overrides."):
             continue
-        near = difflib.get_close_matches(name, known, n=3)
-        meant = f"; near it are {', '.join(near)}" if near else ""
-        node.get_logger().warning(f"parameter {name} is unknown and has no effect{meant}")
+        meant = did_you_mean(name, known)
+        node.get_logger().warning(f"parameter {name} is unknown and has no effect{meant and f'; {meant}'}")
 
 
 class ParameterUpdates:

@@ -8,7 +8,9 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,6 +45,12 @@ def by_mcap(path: Path) -> list[str]:
         return [deserialize_message(message.data, String).data for _, _, message in messages]
 
 
+def has_recorded(reports: list[Any], least: int) -> bool:
+    """Whether the last report of a recorder says that it has so many messages."""
+    return bool(reports) and int(values_of(reports[-1])["messages"]) >= least
+
+
+
 @needs_root
 def test_a_recorder_whose_disk_is_full_lives_and_keeps_what_it_has(graph: Graph, disk: Path) -> None:
     recorder = graph.start("bag_recorder_node", output=str(disk / "out.mcap"), topics=["/said"])
@@ -51,7 +59,8 @@ def test_a_recorder_whose_disk_is_full_lives_and_keeps_what_it_has(graph: Graph,
     texts = [f"{number} " + "x" * 100 * KB for number in range(40)]
     for number, text in enumerate(texts, start=1):
         said.publish(String(data=text))
-        graph.until(lambda: reports and int(values_of(reports[-1])["messages"]) >= min(number, 25), "the messages")  # noqa: B023
+        least = min(number, 25)
+        graph.until(partial(has_recorded, reports, least), "the messages")
     graph.until(lambda: reports[-1].status[0].level == b"\2", "the error")
     assert "out.mcap: No space left on device, what was written so far is in" in reports[-1].status[0].message
     assert recorder.process.poll() is None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -87,6 +88,12 @@ def test_signals_leave_nothing_behind(
         assert not (tmp_path / "out.mcap.partial").exists()
 
 
+def runs_our_code(maps: Path) -> bool:
+    """Whether the process whose /proc/PID/maps this is has come as far as numpy."""
+    return "/numpy/" in maps.read_text()
+
+
+
 @pytest.mark.parametrize("name", NODES)
 def test_sigint_at_every_moment_of_the_start(graph: Graph, flight: list[Shot], tmp_path: Path, name: str) -> None:
     bag = write_mcap(tmp_path / "in.mcap", list(entries(flight)))
@@ -99,7 +106,7 @@ def test_sigint_at_every_moment_of_the_start(graph: Graph, flight: list[Shot], t
         before = present()
         node = graph.start(name, **arguments.get(name, {}))
         maps = Path(f"/proc/{node.process.pid}/maps")  # before numpy it is Python itself that starts
-        graph.until(lambda: "/numpy/" in maps.read_text(), "our own code")  # noqa: B023
+        graph.until(partial(runs_our_code, maps), "our own code")
         time.sleep(0.35 * step)
         used |= opened(node.process.pid) - before
         assert node.stop() == 0, node.log
