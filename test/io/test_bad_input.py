@@ -246,7 +246,7 @@ CASES = [
     Case("evaluate with even windows", evaluate("-p", "window_px:=30"), ["window_px", "odd"]),
     Case("evaluate with limits that contradict", evaluate("-p", "rmse_warn_px:=9.0"), ["rmse_warn_px", "error"]),
     Case("evaluate with points that are not there", evaluate("--points", "none.csv"), ["none.csv"]),
-    Case("evaluate with points outside", outside, ["far", "picture"]),
+    Case("evaluate with points outside", outside, ["far", "image"]),
     Case("evaluate into no folder", evaluate("--json", "nowhere/J.json"), ["nowhere"]),
     Case("evaluate into another kind", evaluate("--csv", "M.txt"), ["M.txt", ".csv"]),
     Case("report into a full folder", full_folder, ["report", "--force"]),

@@ -397,7 +397,7 @@ def test_the_headline_names_the_best(report: Path, found: dict[str, Any]) -> Non
     methods = found["methods"]
     exact = min(METHODS, key=lambda name: methods[name]["error_px"]["median"])
     quick = min(METHODS, key=lambda name: methods[name]["s_per_frame"])
-    assert f"Most exact: {exact} , off the truth by {shown(methods[exact]['error_px']['median'])} px" in text
+    assert f"Most accurate: {exact} , off the truth by {shown(methods[exact]['error_px']['median'])} px" in text
     assert f"Quickest: {quick} , {shown(methods[quick]['s_per_frame'])} s a frame" in text
 
 
