@@ -1,4 +1,4 @@
-"""Prints docs/parameters.md from the one place where parameters are described: the settings' own fields.
+"""Prints docs/parameters.md from the tables of parameters that the nodes and the command use.
 
 python docs/make_parameters.py > docs/parameters.md
 """
@@ -17,19 +17,25 @@ from stab_ros.parameters.table import EVALUATOR_PARAMETERS, PARAMETERS, Paramete
 
 _HEAD = """# Parameters
 
-Made by `python docs/make_parameters.py > docs/parameters.md`; the same is shown by `ros2 param describe`.
-A value out of range, of the wrong type or unknown is refused with the reason.
+**Answers:** name, default, range and meaning of each parameter, and what each preset sets. **For:** users.
+
+A value out of range, of the wrong type or unknown is refused with the reason. In a running node, `ros2 param describe`
+shows range and meaning, and `ros2 param get` the value. This page is made by
+`python docs/make_parameters.py > docs/parameters.md`.
 """
 _ENGINE = "The tracker's engine: `tracker_node`, and `-p name:=value` of `stab-ros stabilize`"
 _PRESETS = """
 ## Presets of `method`
 
-The tools of the papers with their parameters. What is given beside the name overrides them; a running node takes no
-other preset, its parameters all have values by then.
+The tools of the papers with their parameters. Parameters that are given beside the name override them. A preset can
+only be chosen at start; in a running node, change the single parameters.
 """
 _EVALUATOR = "The evaluator: `evaluator_node`, and `-p name:=value` of `stab-ros evaluate`"
 _NODES = {"tracker_node": TrackerSettings, "evaluator_node": EvaluatorSettings, "bag_player_node": PlayerSettings,
           "bag_recorder_node": RecorderSettings}
+# a list of strings, which no settings dataclass holds: the recorder declares it by itself
+_TOPICS = Parameter("topics", "", Range("Topics to record, a list of names such as `[/a,/b]`; none: all topics"))
+_LISTS = {"bag_recorder_node": [_TOPICS]}
 
 
 def _section(title: str, parameters: Iterable[Parameter]) -> str:
@@ -67,4 +73,4 @@ if __name__ == "__main__":
     print(_presets())
     print(_section(_EVALUATOR, EVALUATOR_PARAMETERS.values()))
     for name, settings in _NODES.items():
-        print(_section(f"`{name}` alone", table_of(settings).values()))
+        print(_section(f"`{name}` alone", [*table_of(settings).values(), *_LISTS.get(name, [])]))

@@ -1,7 +1,8 @@
 """All exceptions of the package. Misuse and broken input raise; an expected failure, such as a lost frame, is a value.
 
-Every message is one line: what is wrong, and what would be right. Each process catches these errors in one place,
-`stab_ros.cli.main` or the `main` of a node.
+Every message is one line: what is wrong, and what would be right. An error that ends the process is caught in one
+place, `stab_ros.cli.main` or the `main` of a node. An error of a single message, frame or parameter change is caught
+where it is counted or reported.
 """
 
 

@@ -30,8 +30,9 @@ class Method(Protocol):
             reference: (h, w) uint8.
             allowed: (h, w) bool, where the method may choose features.
             config: an instance of `Config`.
-            points_px: (n, 2) float64, features given by the user, px; with n = 0 the method chooses. Points without
-                texture or too close to the border are dropped, and the tracker reports them.
+            points_px: (n, 2) float64, features given by the user, px, used regardless of `allowed`; with n = 0 the
+                method chooses. It leaves out points that it cannot use, as without texture or too close to the border.
+                The tracker then refuses the reference with an InputError that names the first of them.
         """
 
     @property

@@ -36,8 +36,8 @@ class Trajectories:
     """N features over F frames.
 
     reference_px: (N, 2). current_px: (F, N, 2). information: (F, N, 2, 2) of the reference-side displacement, 1/px^2.
-    seen: (F, N) bool, where the other two hold. A frame that could not be followed has none. shapes: (F, 3, 3), roughly
-    ref_H_cur, of most features: what is common to all planes, but for a shift.
+    seen: (F, N) bool, where the other two hold. A frame that could not be followed has none. shapes: (F, 3, 3),
+    rough ref_H_cur fitted to most features; all planes share it up to a translation.
     """
 
     reference_px: FloatArray

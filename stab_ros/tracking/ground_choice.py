@@ -4,7 +4,8 @@ Motion alone does not tell: a camera that drifts with the water sees what a came
 So each pair of planes is compared by
 
 1. persistence: ground keeps its texture; the share of inliers among the features in a plane's Voronoi cells,
-2. spread: banks lie on either side of the water; how much of the other plane the convex hull of one encloses,
+2. spread: banks lie on either side of the water; the share of the other plane's features inside the convex hull of this
+   plane's features,
 3. drift: a hovering camera moves little; how far each plane moved during the start-up,
 4. size,
 

@@ -1,7 +1,7 @@
 """Relocalisation: where a frame lies without a prediction, as one that is rotated, far off, or seen after a loss.
 
-The method `sift` on reduced images, and a similarity on which enough of its matches on static ground agree. It is a
-place to start from: the chosen method measures there, and the gate judges.
+The method `sift` on reduced images, and a similarity on which enough of its matches on static ground agree. It is an
+initial guess: the chosen method measures there, and the acceptance test decides.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Relocation:
     """Finds frames in one anchor frame."""
 
     def __init__(self, anchor: Gray) -> None:
-        """anchor: (h, w) uint8."""
+        """anchor: (h, w) uint8, the anchor frame."""
         self._shrinking = Downscaling.to_width(anchor, _WIDTH_PX)
         small = self._shrinking.picture(anchor)
         self._sift = Sift(small, np.ones(small.shape, bool), _SIFT)
@@ -34,7 +34,7 @@ class Relocation:
     def find(self, current: Gray, ground: StaticMap | None) -> Homography | None:
         """anchor_H_cur of a frame, (h, w) uint8, roughly; None where too little of it agrees on one.
 
-        ground: where static ground is in the anchor; None: not known.
+        ground: where static ground is in the anchor frame; None: not known.
         """
         pairs = self._sift.match(self._shrinking.picture(current), np.eye(3), np.ones(len(self._sift.reference_px)))
         if ground is not None:
