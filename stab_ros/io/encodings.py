@@ -1,7 +1,7 @@
 """The encodings of sensor_msgs/Image: from the pixels of a message to an array that a Frame can hold.
 
-A new encoding is an entry of DECODED, and of CHANNELS (core/types.py) if frames are to keep it. Sizes are checked
-before anything is decoded. The 8-bit colour conversions are those of rosbags-image; 16-bit colour is scaled to 8 bit as
+What a new encoding needs is listed in CONTRIBUTING.md, "Add an image encoding". Sizes are checked before anything is
+decoded. The 8-bit colour conversions are those of rosbags-image; 16-bit colour is scaled to 8 bit as
 cv_bridge does (65535 to 255).
 """
 

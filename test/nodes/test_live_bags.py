@@ -12,6 +12,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.serialization import deserialize_message, serialize_message
 from recordings import FRAME_ID, IMAGE_TOPIC, OTHER_TOPIC
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import ConnectionExtRosbag2
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 from std_msgs.msg import Float64, String
@@ -135,7 +136,8 @@ def test_recording_is_read_by_other_libraries(graph: Graph, tmp_path: Path) -> N
     assert strings == {"/latched": ["before the recorder came"], "/said": [str(number) for number in range(50)]}
     with AnyReader([output]) as bag:
         assert {one.topic: one.msgtype for one in bag.connections}["/sensor"] == "sensor_msgs/msg/Image"
-        qos = {one.topic: one.ext.offered_qos_profiles[0] for one in bag.connections}  # type: ignore[union-attr]
+        qos = {one.topic: one.ext.offered_qos_profiles[0] for one in bag.connections
+               if isinstance(one.ext, ConnectionExtRosbag2)}
     assert qos["/latched"].durability.name == "TRANSIENT_LOCAL"
     assert qos["/sensor"].reliability.name == "BEST_EFFORT"
 
