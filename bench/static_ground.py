@@ -30,11 +30,11 @@ _FAR = 3.0  # frame widths
 
 @dataclass(frozen=True, eq=False)
 class GroundCourse:
-    """error_px: of every frame but the reference, NaN while lost. sigma_px: likewise. doubt: odds, if any was told."""
+    """error_px, sigma_px: of every frame but the reference, NaN while lost. odds: of an ambiguous choice of ground."""
 
     error_px: FloatArray
     sigma_px: FloatArray
-    doubt: float | None
+    odds: float | None
     resets: int
     keyframes: int = 0
 
@@ -51,22 +51,22 @@ class GroundCourse:
         """For the JSON file."""
         return {"median_px": float(np.nanmedian(self.error_px)), "worst_px": float(np.nanmax(self.error_px)),
                 "sigma_px": float(np.nanmedian(self.sigma_px)), "within_two_sigma": self.within_two,
-                "frames": len(self.error_px), "lost": self.lost, "doubt": self.doubt, "resets": self.resets}
+                "frames": len(self.error_px), "lost": self.lost, "odds": self.odds, "resets": self.resets}
 
 
 def fly(flight: Flight, values: Mapping[str, Value]) -> GroundCourse:
     """Tracks a flight as the command does."""
-    stabilizer, doubt = make_stabilizer(values), None
+    stabilizer, odds = make_stabilizer(values), None
     error_px, sigma_px = (np.full(len(flight), math.nan) for _ in range(2))
     for shot in tqdm(flight, flight.preset.name, disable=None, leave=False):
         answers = stabilizer.answers(Frame(shot.image, "mono8", shot.stamp_ns))
         answers += stabilizer.finish() if shot.index == len(flight) - 1 else []
-        doubt = stabilizer.competing_hypothesis.odds if stabilizer.competing_hypothesis else doubt
+        odds = stabilizer.competing_hypothesis.odds if stabilizer.competing_hypothesis else odds
         for track in answers:
             if track.ref_H_cur is not None and track.sigma_px is not None:
                 error_px[track.index] = rms_distance(track.ref_H_cur, flight.ref_H_cur(track.index), flight.size)
                 sigma_px[track.index] = track.sigma_px
-    return GroundCourse(error_px[1:], sigma_px[1:], doubt, stabilizer.reset_counter, _keyframes(stabilizer))
+    return GroundCourse(error_px[1:], sigma_px[1:], odds, stabilizer.reset_counter, _keyframes(stabilizer))
 
 
 def _keyframes(stabilizer: Stabilizer) -> int:
@@ -85,7 +85,7 @@ def measure(effort: Effort) -> Section:
     tables, data = [], {}
     for title, rows in (("Water that looks like ground", _traps(effort)), ("Flights", _flights(effort)),
                         ("Traverse with keyframes", _traverses(effort))):
-        head = (title, "median, px", "worst, px", "sigma, px", "within 2 sigma, %", "frames", "lost", "doubt, odds",
+        head = (title, "median, px", "worst, px", "sigma, px", "within 2 sigma, %", "frames", "lost", "ambiguous, odds",
                 "resets")
         tables.append(Table(title, head, [_row(name, course) for name, course in rows.items()]))
         data[title] = {name: course.data() for name, course in rows.items()}
@@ -109,7 +109,7 @@ def draw_map(flight: Flight) -> None:
 def _row(name: str, one: GroundCourse) -> tuple[str, ...]:
     return (name, number(float(np.nanmedian(one.error_px)), 4), number(float(np.nanmax(one.error_px)), 4),
             number(float(np.nanmedian(one.sigma_px)), 4), number(100 * one.within_two, 0), str(len(one.error_px)),
-            str(one.lost), "-" if one.doubt is None else f"{math.exp(one.doubt):.1f}", str(one.resets))
+            str(one.lost), "-" if one.odds is None else f"{math.exp(one.odds):.1f}", str(one.resets))
 
 
 def _traps(effort: Effort) -> dict[str, GroundCourse]:

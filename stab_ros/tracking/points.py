@@ -1,4 +1,4 @@
-"""Whether the points that a user names can serve: one line that says why not."""
+"""Checks of the points that a user names."""
 
 from __future__ import annotations
 

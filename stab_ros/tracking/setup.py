@@ -1,4 +1,4 @@
-"""Everything that a tracker is given: its settings, and what the user says of the scene."""
+"""Everything that a tracker is given: settings, camera, and what the user knows of the scene."""
 
 from __future__ import annotations
 

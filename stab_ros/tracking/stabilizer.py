@@ -37,7 +37,7 @@ class Stabilizer:
     and offline processing give the same homographies.
 
     Either call `answers` for each frame and `finish` at the end, which buffers the frames of the first `start_s`
-    seconds until static ground is told from moving water. Or call `track`, which answers each frame at once.
+    seconds until static ground is separated from moving water. Or call `track`, which answers each frame at once.
     """
 
     def __init__(self, config: StabilizerConfig, area: Area | None = None, camera: Camera | None = None,

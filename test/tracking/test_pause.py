@@ -1,4 +1,4 @@
-"""A start that is interrupted before enough was seen: answered with a doubt, then gone on with and decided anew."""
+"""A start-up that is interrupted before enough was seen: answered provisionally, then continued and decided anew."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def test_sigma_is_honest_over_a_flight(scene: str, method: str, reference: str) 
     errors = np.array([error_px(track, shot.ref_H_cur, FLIGHT_SIZE) for track, shot in zip(tracks, shots, strict=True)])
     ratio = errors[1:] / sigmas(tracks)[1:]
     assert ratio.max() < 4
-    assert ratio.mean() > 0.1  # nor is it a boast of doubt
+    assert ratio.mean() > 0.1  # nor does sigma exaggerate
     assert errors[-1] < 1.0
 
 

@@ -47,21 +47,21 @@ def test_a_camera_that_goes_with_the_water_is_told_of() -> None:
     scene = moved(trap("kolubara", 0.3, 0.0, width=1.2, centre=0.9), Gust(-1.5, 4.0, Pose(x_m=1.0)))
     stabilizer = make_stabilizer({})
     flight = Flight(scene, (640, 360), 170, seed=3)
-    doubts = []
+    hypotheses = []
 
     def seen(number: int, image: np.ndarray) -> np.ndarray:
-        doubts.append(stabilizer.competing_hypothesis)
+        hypotheses.append(stabilizer.competing_hypothesis)
         return image
 
     flown = fly(stabilizer, flight, seen)
-    told = doubts[30]
+    told = hypotheses[30]
     assert told is not None
     assert 0.1 < told.share < 0.9
     assert "ambiguous" in ambiguous_ground(told)
     assert "towards" in ambiguous_ground(told)
     wrong = flown.error_px > 1.0
     assert np.all(flown.error_px[wrong] < 2 * flown.sigma_px[wrong])  # never a confident guess
-    assert doubts[-1] is None  # the camera has stopped, and the evidence has turned
+    assert hypotheses[-1] is None  # the camera has stopped, and the evidence has turned
     assert np.max(flown.error_px[-10:]) < 0.15
     counters = [flown.tracks[number].reset_counter for number in (0, 169)]
     assert counters[1] == counters[0] + wrong.any()
