@@ -107,7 +107,7 @@ def test_bad_parameters_are_one_line_and_exit_code_2(graph: Graph, name: str, ar
 def test_unknown_parameter_is_named(graph: Graph) -> None:
     tracker = graph.start("tracker_node", metod="klt")
     graph.until(lambda: "ready" in tracker.log, "the tracker ready")
-    assert "parameter metod is unknown and has no effect; did you mean method?" in tracker.log
+    assert "parameter metod is unknown and has no effect; did you mean method or model?" in tracker.log
 
 
 def test_parameters_change_at_run_time(graph: Graph, flight: list[Shot]) -> None:
