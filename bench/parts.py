@@ -15,7 +15,7 @@ from stab_ros.parameters.engines import make_stabilizer
 # what is told apart, by file and function; none of them calls another of them
 PARTS = {
     "pyramid of the frame, where it jumps": ("direct", "build_pyramid"),
-    "sampling patches": ("_patches", "measure"),
+    "sampling patches": ("patches", "measure_patches"),
     "fits between samplings": ("estimators", "refine"),
     "final fit": ("estimators", "fit"),
 }

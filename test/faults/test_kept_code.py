@@ -117,7 +117,7 @@ def test_code_that_was_kept_is_found_where_it_cannot_be_written(tmp_path: Path) 
             assert f", of which {compiled} were compiled" in done.stdout
             assert not done.stderr
 
-    changed = package / "stab_ros" / "methods" / "_spread.py"
+    changed = package / "stab_ros" / "methods" / "spread.py"
     changed.write_text(changed.read_text(encoding="utf-8") + "\n", encoding="utf-8")
     with read_only(package):
         done = warmed_up(package, **NOWHERE)
