@@ -1,4 +1,4 @@
-"""A picture of what the tracker goes by."""
+"""The debug image: the features that the last fit used, and those that it rejected."""
 
 from __future__ import annotations
 
