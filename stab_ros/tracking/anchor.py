@@ -13,6 +13,7 @@ from stab_ros.core.types import BoolArray, Correspondences, Fit, FloatArray, Gra
 from stab_ros.methods import METHODS
 from stab_ros.methods.base import Method
 from stab_ros.tracking.anchor_pose import AT_REFERENCE, AnchorPose
+from stab_ros.tracking.area_search import AreaSearch
 from stab_ros.tracking.feature_trust import FeatureTrust
 from stab_ros.tracking.phase_correlation import PhaseCorrelation
 from stab_ros.tracking.points import check_inside, check_used
@@ -23,6 +24,7 @@ from stab_ros.tracking.static_map import StaticMap
 Solve = Callable[[Correspondences, Homography, FloatArray], Fit | None]
 
 _RIGHT_MATCHES = 0.5
+_TRUSTED = 0.5
 _MANY_FEATURES = 200  # enough to tell ground from water all over the image
 
 
@@ -94,6 +96,12 @@ class Anchor:
     def shifted(self, gray: Gray, guess: Homography) -> Homography:
         """`guess` (ref_H_cur) corrected by the shift that phase correlation finds."""
         return self.pose.in_reference(self._phase_correlation.corrected(gray, self.pose.in_anchor(guess)))
+
+    def searched(self, gray: Gray, guess: Homography, radius_px: int) -> Homography | None:
+        """ref_H_cur by areas of static ground, searched within a radius of `guess`; None where too few agree."""
+        trusted = self.features_px[self.trust > _TRUSTED]
+        found = AreaSearch(self.gray).find(gray, self.pose.in_anchor(guess), trusted, radius_px)
+        return None if found is None else self.pose.in_reference(found)
 
     def relocated(self, gray: Gray) -> Homography | None:
         """ref_H_cur by features of the whole image, wherever the frame lies; None where too few agree."""

@@ -24,6 +24,7 @@ from stab_ros.tracking.start_buffer import BufferedFrame, StartBuffer, StartResu
 from stab_ros.tracking.static_map import StaticMap
 from stab_ros.tracking.strategies import Adjacent, Fixed, Strategy, Updated
 
+_NEAR_PX, _WIDE_PX = 32, 128
 _SINGLE = {"fixed": Fixed, "updated": Updated, "adjacent": Adjacent}  # the strategies that keep one anchor
 
 
@@ -138,7 +139,13 @@ class Session:
         yield anchor, expected
         if not is_textured(gray):
             return
+        found = anchor.searched(gray, expected, _NEAR_PX)
+        if found is not None:
+            yield anchor, found
         yield anchor, last
+        found = anchor.searched(gray, last, _WIDE_PX)
+        if found is not None:
+            yield anchor, found
         yield anchor, anchor.shifted(gray, last)
         for one in (anchor, *self._strategy.others(last)):
             found = one.relocated(gray)
