@@ -1,0 +1,58 @@
+"""What is fixed to the camera and not to the scene: overlays, dirt on the lens, hot pixels, borders.
+
+Where the camera moves, the template of a scene no longer matches at its old place in the image. A template of an
+overlay matches there in every frame. It has then no motion at all, as ground seen by a camera that stands still.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stab_ros.core.types import BoolArray, Gray
+from stab_ros.estimation.problem import strongest
+from stab_ros.methods.patches import Measurements, Patches, measure_patches
+
+_MATCHES = 0.6  # correlation at the old place: over a scene that moves, 99 % of the patches have less than 0.45
+_MOST = 0.5  # of the frames
+_AT_REST_PX = 0.05  # all patches together
+_SHOWN = 0.1  # of the information along the other axis, at least, to know a motion along one
+_STILL_PX = 0.3  # along the axis that the template determines best: an edge does not show a motion along itself
+
+
+class SensorFixed:
+    """Watches N patches of the reference at their own places in the frames after it."""
+
+    def __init__(self, patches: Patches) -> None:
+        self._patches = patches
+        self._frames: list[Measurements] = []
+
+    def add(self, gray: Gray) -> None:
+        """Takes the next frame, (h, w) uint8."""
+        self._frames.append(measure_patches(self._patches, np.arange(len(self._patches)), gray, np.eye(3)))
+
+    def features(self) -> BoolArray:
+        """(N,) bool: which of the patches match in place in most frames of the later half; none if they have moved.
+
+        A camera that is fixed to the ground sways a little, and the ground with it. An overlay does not.
+        """
+        late = self._frames[len(self._frames) // 2 :]
+        found = np.mean([_in_place(one) for one in late], axis=0) > _MOST if late else np.zeros(len(self._patches), bool)
+        moved_px = max((_shift_px(one, found) for one in late), default=0.0)
+        return found if moved_px < _AT_REST_PX else np.zeros(len(self._patches), bool)
+
+
+def _in_place(found: Measurements) -> BoolArray:
+    """(N,) bool: which patches match without a displacement along the axis that their texture determines best."""
+    squared = np.einsum("na,nab,nb->n", found.displacement, found.information, found.displacement)
+    best_axis_px = np.sqrt(squared / np.maximum(strongest(found.information), 1e-9))
+    return np.asarray((found.correlation > _MATCHES) & (best_axis_px < _STILL_PX))
+
+
+def _shift_px(found: Measurements, which: BoolArray) -> float:
+    """How far the patches have moved together, by each one's motion along its best axis; 0 along what none shows."""
+    values, axes = np.linalg.eigh(found.information[which])
+    best, strength = axes[:, :, 1], values[:, 1]
+    along = strength * np.einsum("na,na->n", best, found.displacement[which])
+    total, directions = np.linalg.eigh(np.einsum("n,na,nb->ab", strength, best, best))
+    known = total > _SHOWN * total[1]
+    return float(np.linalg.norm((directions.T @ (along @ best))[known] / total[known]))
