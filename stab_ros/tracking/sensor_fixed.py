@@ -6,14 +6,22 @@ overlay matches there in every frame. It has then no motion at all, as ground se
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
-from stab_ros.core.types import BoolArray, Gray
+from stab_ros.core.geometry import apply
+from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, IdArray
 from stab_ros.estimation.problem import strongest
-from stab_ros.methods.patches import Measurements, Patches, measure_patches
+from stab_ros.methods import spread
+from stab_ros.methods.patches import Measurements, Patches, cut_patches, measure_patches
 
 _MATCHES = 0.6  # correlation at the old place: over a scene that moves, 99 % of the patches have less than 0.45
 _MOST = 0.5  # of the frames
+_RADIUS_PX = 8
+_REACH_PX = 12  # from the centre of a patch: others within it show some of the same
+_EACH_FRAME = 100  # patches that are looked at
+_TIMES = 3  # that a patch is found in place, more often than not
+_MOVED_PX = 3.0  # of the scene: a template does not match there any more
 _AT_REST_PX = 0.05  # all patches together
 _SHOWN = 0.1  # of the information along the other axis, at least, to know a motion along one
 _STILL_PX = 0.3  # along the axis that the template determines best: an edge does not show a motion along itself
@@ -39,6 +47,48 @@ class SensorFixed:
         found = np.mean([_in_place(one) for one in late], axis=0) > _MOST if late else np.zeros(len(self._patches), bool)
         moved_px = max((_shift_px(one, found) for one in late), default=0.0)
         return found if moved_px < _AT_REST_PX else np.zeros(len(self._patches), bool)
+
+
+class InPlaceCheck:
+    """Watches patches of one anchor frame at their own places, some in each frame, once the view has moved on."""
+
+    def __init__(self, anchor: Gray, features_px: FloatArray) -> None:
+        """anchor: (h, w) uint8. features_px: (N, 2), where the patches are cut."""
+        centres = spread.within(np.round(features_px).astype(np.int64), anchor.shape, _RADIUS_PX)
+        self._patches = cut_patches(anchor, centres, _RADIUS_PX)
+        self._score = np.zeros(len(self._patches), np.int64)
+        self._found: BoolArray = np.zeros(len(self._patches), bool)
+        self._turn = 0
+
+    def found(self, gray: Gray, anchor_H_cur: Homography) -> FloatArray:
+        """(n, 2) px: patches that a frame, (h, w) uint8, there shows to be fixed to the camera, and none before did.
+
+        That takes several frames: a regular texture can match in place by chance.
+        """
+        which = self._next(anchor_H_cur)
+        if not len(which):
+            return np.zeros((0, 2))
+        still = _in_place(measure_patches(self._patches, which, gray, np.eye(3)))
+        self._score[which] = np.maximum(self._score[which] + np.where(still, 1, -1), 0)
+        fresh = (self._score >= _TIMES) & ~self._found
+        self._found |= fresh
+        return self._patches.centres[fresh].astype(np.float64)
+
+    def _next(self, anchor_H_cur: Homography) -> IdArray:
+        """Those of the patches whose turn it is that the scene has moved away from."""
+        step = max(1, -(-len(self._patches) // _EACH_FRAME))
+        which = np.arange(self._turn % step, len(self._patches), step)
+        self._turn += 1
+        centres = self._patches.centres[which].astype(np.float64)
+        return which[np.hypot(*(apply(anchor_H_cur, centres) - centres).T) > _MOVED_PX]
+
+
+def fixed_area(points_px: FloatArray, size: tuple[int, int]) -> BoolArray:
+    """(h, w) bool: what patches at the points (n, 2) show, and those that overlap them by half."""
+    area = np.zeros(size[::-1], np.uint8)
+    for x, y in np.round(points_px).astype(int).tolist():
+        cv2.rectangle(area, (x - _REACH_PX, y - _REACH_PX), (x + _REACH_PX, y + _REACH_PX), 1, cv2.FILLED)
+    return np.asarray(area, bool)
 
 
 def _in_place(found: Measurements) -> BoolArray:

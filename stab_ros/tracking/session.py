@@ -135,7 +135,7 @@ class Session:
     def _weighted(self, anchor: Anchor) -> Anchor:
         if self.ground.prior is not None:
             anchor.set_prior_weights(self.ground.prior)
-        return anchor
+        return self._block(anchor)
 
     def _candidates(self, gray: Gray, time_ns: int) -> Iterator[tuple[Anchor, Homography]]:
         """Anchors and initial ref_H_cur: at constant velocity, standing, shifted, and wherever SIFT features lie."""
@@ -162,6 +162,7 @@ class Session:
         """The answer to a registered frame, after which anchors, weights and ground are brought up to date."""
         self._strategy.registered(anchor, fit, lambda other: self._checked_by(other, anchor, gray, fit))
         anchor.update_weights(pairs, fit)
+        self._find_fixed(anchor, gray, fit)
         self.parallax.add(pairs, fit, self.ground.contains(pairs.reference_px))
         self.ground.update(anchor)
         track = self._tracked(stamp, pairs, fit)
@@ -193,7 +194,18 @@ class Session:
         anchor = self._factory.at(gray.copy(), pose)
         if len(anchor.features_px) >= config.min_inliers:
             anchor.inherit_weights(old, self.ground.prior)
-            self._strategy.add(anchor)
+            self._strategy.add(self._block(anchor))
+
+    def _find_fixed(self, anchor: Anchor, gray: Gray, fit: Fit) -> None:
+        """What moves with the camera and not with the ground is left out of all anchors from now on."""
+        if self.ground.add_fixed_to_camera(anchor.fixed_to_camera(gray, fit.ref_H_cur)):
+            for one in self._strategy.anchors:
+                self._block(one)
+
+    def _block(self, anchor: Anchor) -> Anchor:
+        if self.ground.fixed_to_camera is not None:
+            anchor.block(self.ground.fixed_to_camera)
+        return anchor
 
     def _reconsider(self, ref_H_cur: Homography, time_ns: int) -> None:
         """If the other plane turns out to be the ground, the next frames are registered to that."""
@@ -205,7 +217,7 @@ class Session:
 
     def _set_prior_weights(self) -> None:
         for anchor in self._strategy.anchors:
-            anchor.set_prior_weights(self.ground.static_map)
+            self._block(anchor).set_prior_weights(self.ground.static_map)
 
     def _answers(self, result: StartResult) -> list[Track]:
         """The answers to buffered frames, by what the start-up takes for ground."""

@@ -53,13 +53,15 @@ class BufferedFrame:
 class StartResult:
     """What the start-up has found.
 
-    frames: those that have no answer yet. ground_px: (n, 2) features of the ground in the reference. size: width,
-    height of the reference, px. ambiguity: if another plane can be the ground as well. turned: whether an earlier
-    result took another plane for it. provisional: too little was seen to be certain.
+    frames: those that have no answer yet. ground_px: (n, 2) features of the ground in the reference. fixed_px: (n, 2)
+    features that are fixed to the camera. size: width, height of the reference, px. ambiguity: if another plane can be
+    the ground as well. turned: whether an earlier result took another plane for it. provisional: too little was seen to
+    be certain.
     """
 
     frames: list[BufferedFrame]
     ground_px: FloatArray
+    fixed_px: FloatArray
     static_map: StaticMap
     ambiguity: Ambiguity | None
     size: tuple[int, int]
@@ -82,7 +84,7 @@ class StartBuffer:
         self._answered = 0  # of the frames so far
         self._ground: BoolArray | None = None  # (N,) the features last taken for ground
         self._sensor = SensorFixed(self._tracks.patches)
-        self.fixed_to_camera: BoolArray = np.zeros(len(self._tracks.reference_px), bool)
+        self._fixed: BoolArray = np.zeros(len(self._tracks.reference_px), bool)
 
     @property
     def useful(self) -> bool:
@@ -130,8 +132,9 @@ class StartBuffer:
         member, before = choice.ground.member, self._ground
         turned = before is not None and 2 * np.sum(member & before) < min(np.sum(member), np.sum(before))
         self._ground = member
-        return StartResult(self._frames(choice.ground, trajectories), trajectories.reference_px[member],
-                           self._map(choice.ground), self._ambiguity(choice), self._size, bool(turned),
+        reference_px = trajectories.reference_px
+        return StartResult(self._frames(choice.ground, trajectories), reference_px[member],
+                           reference_px[self._fixed], self._map(choice.ground), self._ambiguity(choice), self._size, bool(turned),
                            provisional or not self.enough)
 
     def _choice(self, trajectories: Trajectories, provisional: bool) -> Choice:
@@ -140,7 +143,7 @@ class StartBuffer:
         before_camera = self._before_camera(trajectories, seen, provisional)
         if before_camera is not None:
             return before_camera
-        self.fixed_to_camera[:] = False
+        self._fixed[:] = False
         planes = find_planes(trajectories)
         if not planes:
             return Choice(Plane(np.ones(len(trajectories.reference_px), bool), trajectories.shapes))
@@ -148,7 +151,7 @@ class StartBuffer:
 
     def _before_camera(self, trajectories: Trajectories, seen: Observations, provisional: bool) -> Choice | None:
         """The choice if part of the picture is fixed to the camera; None where nothing is, or the camera is at rest."""
-        fixed = self.fixed_to_camera = self._sensor.features()
+        fixed = self._fixed = self._sensor.features()
         moving = [plane for plane in find_planes(trajectories, ~fixed) if _moves(plane, seen)] if fixed.any() else []
         if not moving:
             return None
