@@ -7,7 +7,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 
 from stab_ros.core.errors import InputError, MessageError
-from stab_ros.core.types import Frame, Image, State, Track
+from stab_ros.core.types import Frame, Image, LostReason, State, Track
 from stab_ros.io.bag import Message
 from stab_ros.io.cdr import header_of
 from stab_ros.io.homographies import HomographyWriter
@@ -202,4 +202,5 @@ class PictureTracker:
     def _lost(self, picture: Picture) -> Track:
         reference = self._stabilizer.reference
         reference_stamp_ns = 0 if reference is None else reference.stamp_ns
-        return Track(State.LOST, self._number, picture.stamp_ns, reference_stamp_ns, self._stabilizer.reset_counter)
+        return Track(State.LOST, self._number, picture.stamp_ns, reference_stamp_ns, self._stabilizer.reset_counter,
+                     lost_reason=LostReason.UNUSABLE)

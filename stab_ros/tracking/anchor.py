@@ -18,6 +18,7 @@ from stab_ros.tracking.feature_trust import FeatureTrust
 from stab_ros.tracking.phase_correlation import PhaseCorrelation
 from stab_ros.tracking.points import check_inside, check_used
 from stab_ros.tracking.relocation import Relocation
+from stab_ros.tracking.sensor_fixed import InPlaceCheck
 from stab_ros.tracking.static_map import StaticMap
 
 # (pairs, initial ref_H_cur, weight of each pair) -> the homography of the current frame to where reference_px lie
@@ -54,6 +55,19 @@ class Anchor:
     @property
     def _features_in_reference(self) -> FloatArray:
         return apply(self.pose.ref_H_anchor, self.features_px)
+
+    def block(self, fixed_to_camera: BoolArray) -> None:
+        """Leaves out the features that lie on what is fixed to the camera, (h, w) bool, wherever the frame is."""
+        column, row = np.clip(np.round(self.features_px), 0, np.array(self.size) - 1).astype(int).T
+        self._features.block(fixed_to_camera[row, column])
+
+    def fixed_to_camera(self, gray: Gray, ref_H_cur: Homography) -> FloatArray:
+        """(n, 2) px, where a registered frame, (h, w) uint8, shows something fixed to the camera that was not known."""
+        return self._in_place.found(gray, self.pose.in_anchor(ref_H_cur))
+
+    @cached_property
+    def _in_place(self) -> InPlaceCheck:
+        return InPlaceCheck(self.gray, self.features_px)
 
     def set_prior_weights(self, static_map: StaticMap) -> None:
         """Weights the features by the static map of the reference."""

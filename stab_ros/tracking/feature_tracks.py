@@ -17,7 +17,7 @@ from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Ho
 from stab_ros.estimation import estimators
 from stab_ros.methods import spread
 from stab_ros.methods.direct import DirectConfig
-from stab_ros.methods.patches import cut_patches, measure_patches
+from stab_ros.methods.patches import Patches, cut_patches, measure_patches
 from stab_ros.tracking.phase_correlation import PhaseCorrelation
 
 _PATCHES = DirectConfig()  # as of the method `direct`
@@ -67,6 +67,11 @@ class FeatureTracks:
         self._ref_H_cur: Homography = np.eye(3)
         self._rows: list[tuple[FloatArray, FloatArray, BoolArray]] = []
         self._shapes: list[Homography] = []
+
+    @property
+    def patches(self) -> Patches:
+        """The features' templates."""
+        return self._patches
 
     def follow(self, gray: Gray) -> None:
         """Finds all features in the next frame, (h, w) uint8."""

@@ -1,11 +1,11 @@
-"""From matches to a homography, and whether it is accepted."""
+"""From matches to a homography, and why it is not accepted."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from stab_ros.core.geometry import is_plausible, sigma_px
-from stab_ros.core.types import Correspondences, Fit, FloatArray, Homography
+from stab_ros.core.types import Correspondences, Fit, FloatArray, Homography, LostReason
 from stab_ros.estimation import estimators
 from stab_ros.tracking.anchor_pose import AnchorPose
 from stab_ros.tracking.settings import StabilizerConfig
@@ -26,14 +26,15 @@ class Registration:
         return estimators.fit(pairs, config.model, config.estimator, config.threshold, guess, trust,
                               config.ransac_threshold)
 
-    def accepts(self, fit: Fit, pose: AnchorPose, expected: float, size: tuple[int, int]) -> bool:
-        """Whether the camera can move so, enough features agree, and the uncertainty of this registration is small.
+    def rejected(self, fit: Fit, pose: AnchorPose, expected: float, size: tuple[int, int]) -> LostReason | None:
+        """Why the fit is not accepted: the camera cannot move so, too few features agree, or it is too uncertain.
 
-        pose: of the anchor. expected: number of trusted features in view. size: width, height, px.
+        pose: of the anchor. expected: number of trusted features in view. size: width, height, px. None: it is.
         """
         if not is_plausible(pose.in_anchor(fit.ref_H_cur), size):
-            return False
-        return (
-            int(fit.inlier.sum()) >= max(self.config.min_inliers, self.config.min_inlier_share * expected)
-            and sigma_px(fit.ref_H_cur, fit.covariance, size) <= self.config.max_sigma
-        )
+            return LostReason.IMPLAUSIBLE
+        if int(fit.inlier.sum()) < max(self.config.min_inliers, self.config.min_inlier_share * expected):
+            return LostReason.FEW_INLIERS
+        if sigma_px(fit.ref_H_cur, fit.covariance, size) > self.config.max_sigma:
+            return LostReason.UNCERTAIN
+        return None

@@ -9,7 +9,7 @@ import numpy as np
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import sigma_px
-from stab_ros.core.types import Correspondences, Fit, Gray, Homography, State, Track
+from stab_ros.core.types import Correspondences, Fit, Gray, Homography, LostReason, State, Track
 from stab_ros.tracking.anchor import Anchor, AnchorFactory
 from stab_ros.tracking.anchor_pose import AT_REFERENCE, AnchorPose
 from stab_ros.tracking.frame_stamp import FrameStamp
@@ -53,14 +53,19 @@ class Session:
 
     def track(self, stamp: FrameStamp, gray: Gray) -> Track:
         """The answer to a frame, (h, w) uint8: the first candidate whose registration is accepted, else LOST."""
-        matches = 0
+        matches, reason = 0, LostReason.NO_FEATURES
         for anchor, guess in self._candidates(gray, stamp.time_ns):
             pairs, fit = self._register(anchor, gray, guess)
-            if fit is not None and self._accepts(fit, anchor.pose, anchor.expected(pairs, fit.ref_H_cur)):
-                return self._accepted(stamp, anchor, gray, pairs, fit)
+            if fit is None:
+                reason = reason.or_further(_unfitted(pairs))
+            else:
+                rejected = self._rejected(fit, anchor.pose, anchor.expected(pairs, fit.ref_H_cur))
+                if rejected is None:
+                    return self._accepted(stamp, anchor, gray, pairs, fit)
+                reason = reason.or_further(rejected)
             matches = len(pairs)
         self.motion = self.motion.standing()
-        return self.lost(stamp, matches)
+        return self.lost(stamp, _or_flat(reason, gray), matches)
 
     def first(self, stamp: FrameStamp) -> Track:
         """The answer to the reference itself: the identity, exactly."""
@@ -68,10 +73,11 @@ class Session:
         return Track(State.TRACKED, stamp.index, stamp.stamp_ns, stamp.stamp_ns, self.reset_counter, n, n, np.eye(3),
                      np.zeros((8, 8)), 0.0, 0.0)
 
-    def lost(self, stamp: FrameStamp, matches: int = 0) -> Track:
+    def lost(self, stamp: FrameStamp, reason: LostReason, matches: int = 0) -> Track:
         """The answer to a frame that could not be registered."""
         reference_ns = self.reference.frame.stamp_ns
-        return Track(State.LOST, stamp.index, stamp.stamp_ns, reference_ns, self.reset_counter, matches)
+        return Track(State.LOST, stamp.index, stamp.stamp_ns, reference_ns, self.reset_counter, matches,
+                     lost_reason=reason)
 
     def buffer(self, duration_ns: int, time_ns: int) -> bool:
         """Buffers the frames from here on, until it is known what is ground; whether there is anything to find out."""
@@ -130,7 +136,7 @@ class Session:
     def _weighted(self, anchor: Anchor) -> Anchor:
         if self.ground.prior is not None:
             anchor.set_prior_weights(self.ground.prior)
-        return anchor
+        return self._block(anchor)
 
     def _candidates(self, gray: Gray, time_ns: int) -> Iterator[tuple[Anchor, Homography]]:
         """Anchors and initial ref_H_cur: at constant velocity, standing, shifted, and wherever SIFT features lie."""
@@ -156,13 +162,14 @@ class Session:
         self.last_match = anchor.register(gray, guess, self._registration.solve, self._strategy.chains)
         return self.last_match
 
-    def _accepts(self, fit: Fit, pose: AnchorPose, expected: float) -> bool:
-        return self._registration.accepts(fit, pose, expected, self.reference.frame.size)
+    def _rejected(self, fit: Fit, pose: AnchorPose, expected: float) -> LostReason | None:
+        return self._registration.rejected(fit, pose, expected, self.reference.frame.size)
 
     def _accepted(self, stamp: FrameStamp, anchor: Anchor, gray: Gray, pairs: Correspondences, fit: Fit) -> Track:
         """The answer to a registered frame, after which anchors, weights and ground are brought up to date."""
         self._strategy.registered(anchor, fit, lambda other: self._checked_by(other, anchor, gray, fit))
         anchor.update_weights(pairs, fit)
+        self._find_fixed(anchor, gray, fit)
         self.parallax.add(pairs, fit, self.ground.contains(pairs.reference_px))
         self.ground.update(anchor)
         track = self._tracked(stamp, pairs, fit)
@@ -173,7 +180,7 @@ class Session:
     def _checked_by(self, other: Anchor, anchor: Anchor, gray: Gray, fit: Fit) -> Fit | None:
         """The same frame registered to another anchor, too; None if that is rejected."""
         _, seen = other.register(gray, fit.ref_H_cur, self._registration.solve, chain=False)
-        return seen if seen is not None and self._accepts(seen, anchor.pose, 0.0) else None
+        return seen if seen is not None and self._rejected(seen, anchor.pose, 0.0) is None else None
 
     def _tracked(self, stamp: FrameStamp, pairs: Correspondences, fit: Fit) -> Track:
         """The answer of an accepted fit, from which the next frame is predicted."""
@@ -194,7 +201,18 @@ class Session:
         anchor = self._factory.at(gray.copy(), pose)
         if len(anchor.features_px) >= config.min_inliers:
             anchor.inherit_weights(old, self.ground.prior)
-            self._strategy.add(anchor)
+            self._strategy.add(self._block(anchor))
+
+    def _find_fixed(self, anchor: Anchor, gray: Gray, fit: Fit) -> None:
+        """What moves with the camera and not with the ground is left out of all anchors from now on."""
+        if self.ground.add_fixed_to_camera(anchor.fixed_to_camera(gray, fit.ref_H_cur)):
+            for one in self._strategy.anchors:
+                self._block(one)
+
+    def _block(self, anchor: Anchor) -> Anchor:
+        if self.ground.fixed_to_camera is not None:
+            anchor.block(self.ground.fixed_to_camera)
+        return anchor
 
     def _reconsider(self, ref_H_cur: Homography, time_ns: int) -> None:
         """If the other plane turns out to be the ground, the next frames are registered to that."""
@@ -206,7 +224,7 @@ class Session:
 
     def _set_prior_weights(self) -> None:
         for anchor in self._strategy.anchors:
-            anchor.set_prior_weights(self.ground.static_map)
+            self._block(anchor).set_prior_weights(self.ground.static_map)
 
     def _answers(self, result: StartResult) -> list[Track]:
         """The answers to buffered frames, by what the start-up takes for ground."""
@@ -219,7 +237,23 @@ class Session:
     def _answer(self, frame: BufferedFrame, result: StartResult) -> Track:
         fit = self._registration.solve(frame.pairs, frame.guess, frame.trust)
         self.last_match = frame.pairs, fit
-        if fit is not None and self._accepts(fit, self._strategy.anchor.pose, result.expected(fit.ref_H_cur)):
-            return self._tracked(frame.stamp, frame.pairs, fit)
+        if fit is None:
+            reason = _unfitted(frame.pairs)
+        else:
+            rejected = self._rejected(fit, self._strategy.anchor.pose, result.expected(fit.ref_H_cur))
+            if rejected is None:
+                return self._tracked(frame.stamp, frame.pairs, fit)
+            reason = rejected
         self.motion = self.motion.standing()
-        return self.lost(frame.stamp, len(frame.pairs))
+        return self.lost(frame.stamp, reason, len(frame.pairs))
+
+
+def _unfitted(pairs: Correspondences) -> LostReason:
+    """Why matches determine no homography."""
+    return LostReason.FEW_INLIERS if len(pairs) else LostReason.NO_FEATURES
+
+
+def _or_flat(reason: LostReason, gray: Gray) -> LostReason:
+    """The reason, or that the frame, (h, w) uint8, has no texture: what agrees in such a one does so by chance."""
+    by_chance = reason.or_further(LostReason.FEW_INLIERS) is LostReason.FEW_INLIERS
+    return LostReason.NO_TEXTURE if by_chance and not is_textured(gray) else reason

@@ -7,7 +7,7 @@ from functools import cache, lru_cache
 import numpy as np
 
 from stab_ros.core.geometry import rms_distance
-from stab_ros.core.types import FloatArray, Frame, Gray, Homography, Track
+from stab_ros.core.types import FloatArray, Frame, Gray, Homography, LostReason, State, Track
 
 SIZE = (400, 300)
 MARGIN_PX = 80
@@ -61,6 +61,13 @@ def sampled(ref_H_cur: Homography, x: FloatArray, y: FloatArray, size: tuple[int
 def frame(image: Gray, index: int = 0, encoding: str = "mono8") -> Frame:
     """The `index`-th frame of a stream at 25 frames a second."""
     return Frame(image, encoding, _SECOND_NS + index * _INTERVAL_NS, "camera")
+
+
+def unmoved(one: Frame, index: int, lost: bool = False) -> Track:
+    """The answer to a frame that lies where the reference does, or is lost."""
+    if lost:
+        return Track(State.LOST, index, one.stamp_ns, 0, 0, lost_reason=LostReason.NO_FEATURES)
+    return Track(State.TRACKED, index, one.stamp_ns, 0, 0, ref_H_cur=IDENTITY)
 
 
 def random_noise(index: int = 0, size: tuple[int, int] = SIZE) -> Gray:

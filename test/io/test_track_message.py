@@ -9,7 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from message_makers import HEADER
 from rclpy.serialization import deserialize_message
 
-from stab_ros.core.types import FloatArray, State, Track
+from stab_ros.core.types import FloatArray, LostReason, State, Track
 from stab_ros.io.cdr import read_stamp
 from stab_ros.io.diagnostics_message import read_values
 from stab_ros.io.track_message import track_cdr
@@ -19,7 +19,7 @@ TILTED = np.array([[1.01, 0.02, -7.3], [-0.015, 0.99, 4.6], [1e-5, -2e-5, 1.0]])
 
 def track(H: FloatArray | None) -> Track:
     if H is None:
-        return Track(State.LOST, 3, HEADER.stamp_ns, 5, 1, 40)
+        return Track(State.LOST, 3, HEADER.stamp_ns, 5, 1, 40, lost_reason=LostReason.FEW_INLIERS)
     return Track(State.TRACKED, 3, HEADER.stamp_ns, 5, 1, 40, 38, H, np.arange(64.0).reshape(8, 8) / 7, 0.1, 0.02)
 
 

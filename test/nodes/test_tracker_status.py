@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stab_ros.core.types import State, Track
+from stab_ros.core.types import LostReason, State, Track
 from stab_ros.io.advice import ambiguous_ground, parallax
 from stab_ros.nodes.tracker_status import TrackerStatus
 from stab_ros.tracking.ground_choice import CompetingHypothesis
@@ -16,7 +16,7 @@ SECOND_NS = 10**9
 
 def a_track(state: State, number: int = 0) -> Track:
     if state is State.LOST:
-        return Track(state, number, number, 0, 0, matches=40)
+        return Track(state, number, number, 0, 0, matches=40, lost_reason=LostReason.FEW_INLIERS)
     return Track(state, number, number, 0, 0, 50, 45, np.eye(3), np.eye(8), 0.25, 0.125)
 
 
