@@ -13,12 +13,12 @@ from stab_ros.core.types import BoolArray, Correspondences, Fit, FloatArray, Gra
 from stab_ros.methods import METHODS
 from stab_ros.methods.base import Method
 from stab_ros.tracking.anchor_pose import AT_REFERENCE, AnchorPose
-from stab_ros.tracking.area_search import AreaSearch
 from stab_ros.tracking.feature_trust import FeatureTrust
-from stab_ros.tracking.phase_correlation import PhaseCorrelation
+from stab_ros.tracking.frame_search import FrameSearch
+from stab_ros.tracking.full_size_features import FullSizeFeatures
 from stab_ros.tracking.points import check_inside, check_used
-from stab_ros.tracking.relocation import Relocation
 from stab_ros.tracking.sensor_fixed import InPlaceCheck
+from stab_ros.tracking.relocation import OnGround
 from stab_ros.tracking.static_map import StaticMap
 
 # (pairs, initial ref_H_cur, weight of each pair) -> the homography of the current frame to where reference_px lie
@@ -100,29 +100,43 @@ class Anchor:
         return transferred, None if fit is None else self.pose.chained(fit)
 
     @cached_property
-    def _phase_correlation(self) -> PhaseCorrelation:
-        return PhaseCorrelation(self.gray)
+    def _search(self) -> FrameSearch:
+        return FrameSearch(self.gray)
 
-    @cached_property
-    def _relocation(self) -> Relocation:
-        return Relocation(self.gray)
-
-    def shifted(self, gray: Gray, guess: Homography) -> Homography:
-        """`guess` (ref_H_cur) corrected by the shift that phase correlation finds."""
-        return self.pose.in_reference(self._phase_correlation.corrected(gray, self.pose.in_anchor(guess)))
+    def shifted(self, gray: Gray, guess: Homography) -> Homography | None:
+        """`guess` (ref_H_cur) corrected by the shift that phase correlation finds; None: no clear one."""
+        return self._in_reference(self._search.by_shift(gray, self.pose.in_anchor(guess)))
 
     def searched(self, gray: Gray, guess: Homography, radius_px: int) -> Homography | None:
         """ref_H_cur by areas of static ground, searched within a radius of `guess`; None where too few agree."""
-        trusted = self.features_px[self.trust > _TRUSTED]
-        found = AreaSearch(self.gray).find(gray, self.pose.in_anchor(guess), trusted, radius_px)
-        return None if found is None else self.pose.in_reference(found)
+        trusted_px = self.features_px[self.trust > _TRUSTED]
+        return self._in_reference(self._search.by_areas(gray, self.pose.in_anchor(guess), trusted_px, radius_px))
 
     def relocated(self, gray: Gray) -> Homography | None:
-        """ref_H_cur by features of the whole image, wherever the frame lies; None where too few agree."""
-        many = len(self.features_px) >= _MANY_FEATURES
-        ground = StaticMap.of_features(self.features_px, self.trust, self.size) if many else None
-        found = self._relocation.find(gray, ground)
-        return None if found is None else self.pose.in_reference(found)
+        """ref_H_cur by features of small pictures, wherever the frame lies; None where too few agree."""
+        return self._in_reference(self._search.by_small_pictures(gray, self._on_ground()))
+
+    def recognized(self, features: FullSizeFeatures, last: Homography) -> Homography | None:
+        """ref_H_cur by features at full size, around what was seen of the ground at `last`; None: too few agree."""
+        seen_px = self.ground_seen(last)
+        centre_px = apply(self.pose.in_anchor(last), seen_px[None])[0]
+        return self._in_reference(self._search.by_full_size(features, centre_px, self._on_ground()))
+
+    def ground_seen(self, ref_H_cur: Homography) -> FloatArray:
+        """(2,) px of a frame there: the middle of the ground that it shows; of the frame, where it shows none."""
+        shown = self.features_px[self._in_view(ref_H_cur) & (self.trust > _TRUSTED)]
+        at_px = apply(np.linalg.inv(self.pose.in_anchor(ref_H_cur)), shown)
+        return np.asarray(at_px.mean(axis=0) if len(shown) else np.array(self.size) / 2)
+
+    def _on_ground(self) -> OnGround:
+        """Which points of the anchor lie on static ground; all, where the features are too few to tell."""
+        if len(self.features_px) < _MANY_FEATURES:
+            return lambda points_px: np.ones(len(points_px), bool)
+        ground = StaticMap.of_features(self.features_px, self.trust, self.size)
+        return lambda points_px: ground.at(points_px) > _TRUSTED
+
+    def _in_reference(self, anchor_H_cur: Homography | None) -> Homography | None:
+        return None if anchor_H_cur is None else self.pose.in_reference(anchor_H_cur)
 
     def share_in_view(self, ref_H_cur: Homography) -> float:
         """Share of the trusted features that a frame there shows, in [0, 1]."""

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
-
 import numpy as np
 
 from stab_ros.core.errors import InputError
@@ -17,6 +15,7 @@ from stab_ros.tracking.ground import Ground
 from stab_ros.tracking.keyframes import Keyframes
 from stab_ros.tracking.motion import CameraMotion
 from stab_ros.tracking.parallax import Parallax
+from stab_ros.tracking.recovery import Recovery
 from stab_ros.tracking.reference import Reference, is_textured
 from stab_ros.tracking.registration import Registration
 from stab_ros.tracking.settings import StabilizerConfig
@@ -24,7 +23,6 @@ from stab_ros.tracking.start_buffer import BufferedFrame, StartBuffer, StartResu
 from stab_ros.tracking.static_map import StaticMap
 from stab_ros.tracking.strategies import Adjacent, Fixed, Strategy, Updated
 
-_NEAR_PX, _WIDE_PX = 32, 128
 _SINGLE = {"fixed": Fixed, "updated": Updated, "adjacent": Adjacent}  # the strategies that keep one anchor
 
 
@@ -40,11 +38,12 @@ class Session:
         """anchor: of the reference, made by `factory`. static_map: where ground is, if known. time_ns: of the frame."""
         self.reference, self.reset_counter = reference, reset_counter
         self.ground = Ground(factory.allowed, static_map)
-        self.motion = CameraMotion(np.eye(3), time_ns)
+        self.motion = CameraMotion(reference.frame.size, np.eye(3), time_ns)
         self.parallax = Parallax(reference.frame.size)
         self.last_match: tuple[Correspondences, Fit | None] | None = None
         self._factory, self._registration = factory, Registration(config)
         self._strategy = self._strategy_of(anchor, config, factory)
+        self._recovery = Recovery(self.ground)
 
     @property
     def keyframes(self) -> int:
@@ -54,7 +53,7 @@ class Session:
     def track(self, stamp: FrameStamp, gray: Gray) -> Track:
         """The answer to a frame, (h, w) uint8: the first candidate whose registration is accepted, else LOST."""
         matches, reason = 0, LostReason.NO_FEATURES
-        for anchor, guess in self._candidates(gray, stamp.time_ns):
+        for anchor, guess in self._recovery.guesses(self._strategy, self.motion, gray, stamp.time_ns):
             pairs, fit = self._register(anchor, gray, guess)
             if fit is None:
                 reason = reason.or_further(_unfitted(pairs))
@@ -138,26 +137,6 @@ class Session:
             anchor.set_prior_weights(self.ground.prior)
         return self._block(anchor)
 
-    def _candidates(self, gray: Gray, time_ns: int) -> Iterator[tuple[Anchor, Homography]]:
-        """Anchors and initial ref_H_cur: at constant velocity, standing, shifted, and wherever SIFT features lie."""
-        expected, last = self.motion.predict(time_ns), self.motion.last
-        anchor = self._strategy.choose(expected)
-        yield anchor, expected
-        if not is_textured(gray):
-            return
-        found = anchor.searched(gray, expected, _NEAR_PX)
-        if found is not None:
-            yield anchor, found
-        yield anchor, last
-        found = anchor.searched(gray, last, _WIDE_PX)
-        if found is not None:
-            yield anchor, found
-        yield anchor, anchor.shifted(gray, last)
-        for one in (anchor, *self._strategy.others(last)):
-            found = one.relocated(gray)
-            if found is not None:
-                yield one, found
-
     def _register(self, anchor: Anchor, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
         self.last_match = anchor.register(gray, guess, self._registration.solve, self._strategy.chains)
         return self.last_match
@@ -173,6 +152,7 @@ class Session:
         self.parallax.add(pairs, fit, self.ground.contains(pairs.reference_px))
         self.ground.update(anchor)
         track = self._tracked(stamp, pairs, fit)
+        self._recovery.keep(gray, fit.ref_H_cur)
         self._extend(gray, fit)
         self._reconsider(fit.ref_H_cur, stamp.time_ns)
         return track
@@ -218,7 +198,7 @@ class Session:
         """If the other plane turns out to be the ground, the next frames are registered to that."""
         by_other = self.ground.turned(ref_H_cur, time_ns)
         if by_other is not None:
-            self.motion = CameraMotion(by_other, time_ns)
+            self.motion = self.motion.at(by_other)
             self._set_prior_weights()
             self.reset_counter += 1  # what was answered before does not belong to what follows
 
