@@ -17,8 +17,8 @@ from stab_ros.tracking.feature_trust import FeatureTrust
 from stab_ros.tracking.frame_search import FrameSearch
 from stab_ros.tracking.full_size_features import FullSizeFeatures
 from stab_ros.tracking.points import check_inside, check_used
-from stab_ros.tracking.sensor_fixed import InPlaceCheck
 from stab_ros.tracking.relocation import OnGround
+from stab_ros.tracking.sensor_fixed import InPlaceCheck
 from stab_ros.tracking.static_map import StaticMap
 
 # (pairs, initial ref_H_cur, weight of each pair) -> the homography of the current frame to where reference_px lie

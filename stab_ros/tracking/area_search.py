@@ -61,7 +61,7 @@ def _spread(points: IdArray, most: int) -> IdArray:
     rows = max(1, round(most**0.5))
     row = (points[:, 1] - points[:, 1].min()) * rows // (np.ptp(points[:, 1]) + 1)
     order = np.lexsort((points[:, 0], row))
-    return points[order[np.linspace(0, len(order) - 1, most).astype(int)]]
+    return np.asarray(points[order[np.linspace(0, len(order) - 1, most).astype(int)]])
 
 
 def _displacement(anchor: Gray, current: Gray, guess: Homography, corner: list[int],

@@ -44,7 +44,7 @@ class FullSizeFeatures:
         window = np.ascontiguousarray(gray[top : top + height, left : left + width])
         orb = cv2.ORB.create(_DETECTED, _LEVEL_RATIO, _LEVELS, fastThreshold=_FAST_THRESHOLD)
         points = orb.detect(window, None)
-        points, descriptor = orb.compute(window, [points[k] for k in _even(points, window.shape)])
+        points, descriptor = orb.compute(window, [points[k] for k in _even(points, window.shape).tolist()])
         if not points:
             return FullSizeFeatures(centre_px, np.empty((0, 2)), np.empty((0, 32), np.uint8))
         return FullSizeFeatures(centre_px, np.array([point.pt for point in points]) + (left, top), np.asarray(descriptor))
@@ -73,17 +73,17 @@ def _window(shape: tuple[int, ...], centre_px: FloatArray) -> tuple[int, int, in
     return width, height, left, top
 
 
-def _even(points: Sequence[cv2.KeyPoint], shape: tuple[int, ...]) -> list[int]:
+def _even(points: Sequence[cv2.KeyPoint], shape: tuple[int, ...]) -> IdArray:
     """Which key points to keep: the strongest of each cell of a grid."""
     if len(points) <= _FEATURES:
-        return list(range(len(points)))
+        return np.arange(len(points))
     px, strength = np.array([point.pt for point in points]), np.array([point.response for point in points])
     column, row = (px * _CELLS / (shape[1], shape[0])).astype(int).T
     cell = row * _CELLS + column
     order = np.lexsort((-strength, cell))
     first = np.searchsorted(cell[order], cell[order])
     rank = np.arange(len(order)) - first
-    return np.sort(order[np.argsort(rank, kind="stable")[:_FEATURES]]).tolist()
+    return np.asarray(np.sort(order[np.argsort(rank, kind="stable")[:_FEATURES]]))
 
 
 def _matched(own: Image, other: Image) -> tuple[IdArray, IdArray]:

@@ -7,6 +7,7 @@ that is found nowhere costs about ten tracked ones at any size.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 
@@ -26,6 +27,7 @@ _SPREAD = 3.0  # times what is usual
 _SAME_PX = 2.0  # guesses that are closer lead to the same result
 
 Guess = tuple[Anchor, Homography]
+Find = Callable[[], Homography | None]
 
 
 class Recovery:
@@ -53,7 +55,7 @@ class Recovery:
                 yield one, found
 
     def _searches(self, strategy: Strategy, anchor: Anchor, motion: CameraMotion, gray: Gray,
-                  time_ns: int) -> Iterator[tuple[Anchor, Callable[[], Homography | None]]]:
+                  time_ns: int) -> Iterator[tuple[Anchor, Find]]:
         """Anchors, and what finds the frame in each."""
         expected, last = motion.predict(time_ns), motion.last
         near_px, wide_px = _radii(anchor.size, motion.usual_px(time_ns))
@@ -61,14 +63,11 @@ class Recovery:
         if rms_distance(expected, last, anchor.size) > _SAME_PX:
             yield anchor, lambda: last
         yield anchor, lambda: anchor.searched(gray, last, wide_px)
-        features = FullSizeFeatures.of(gray, anchor.ground_seen(last))
-        others = strategy.others(last)
-        for one in (anchor, *others[:1]):
-            yield one, lambda one=one: one.recognized(features, last)
+        features, others = FullSizeFeatures.of(gray, anchor.ground_seen(last)), strategy.others(last)
+        yield from ((one, partial(one.recognized, features, last)) for one in (anchor, *others[:1]))
         yield anchor, lambda: self._from_last(features)
         yield anchor, lambda: anchor.shifted(gray, last)
-        for one in (anchor, *others):
-            yield one, lambda one=one: one.relocated(gray)
+        yield from ((one, partial(one.relocated, gray)) for one in (anchor, *others))
 
     def _from_last(self, features: FullSizeFeatures) -> Homography | None:
         """ref_H_cur by features at full size that the last frame showed, too."""

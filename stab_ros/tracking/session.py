@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import dataclass
+
 import numpy as np
 
 from stab_ros.core.errors import InputError
-from stab_ros.core.geometry import sigma_px
+from stab_ros.core.geometry import rms_distance, sigma_px
 from stab_ros.core.types import Correspondences, Fit, Gray, Homography, LostReason, State, Track
 from stab_ros.tracking.anchor import Anchor, AnchorFactory
 from stab_ros.tracking.anchor_pose import AT_REFERENCE, AnchorPose
@@ -24,6 +26,21 @@ from stab_ros.tracking.static_map import StaticMap
 from stab_ros.tracking.strategies import Adjacent, Fixed, Strategy, Updated
 
 _SINGLE = {"fixed": Fixed, "updated": Updated, "adjacent": Adjacent}  # the strategies that keep one anchor
+
+_USUAL = 0.6  # of the usual share of inliers: with fewer, a frame is looked for elsewhere, too
+_SHARE_RATE = 0.1  # of the mean over frames
+_CONVERGED_PX, _MOST_REGISTRATIONS = 0.1, 3
+
+
+@dataclass(frozen=True, eq=False)
+class _Attempt:
+    """A frame registered to one anchor. rejected: why not; None: accepted. share: inliers of those expected, or 0."""
+
+    anchor: Anchor
+    pairs: Correspondences
+    fit: Fit | None
+    rejected: LostReason | None
+    share: float
 
 
 class Session:
@@ -44,6 +61,7 @@ class Session:
         self._factory, self._registration = factory, Registration(config)
         self._strategy = self._strategy_of(anchor, config, factory)
         self._recovery = Recovery(self.ground)
+        self._usual_share = 0.0  # of inliers
 
     @property
     def keyframes(self) -> int:
@@ -51,20 +69,20 @@ class Session:
         return len(self._strategy) if isinstance(self._strategy, Keyframes) else 0
 
     def track(self, stamp: FrameStamp, gray: Gray) -> Track:
-        """The answer to a frame, (h, w) uint8: the first candidate whose registration is accepted, else LOST."""
-        matches, reason = 0, LostReason.NO_FEATURES
+        """The answer to a frame, (h, w) uint8: by the first guess that gives a usual registration, else the best one."""
+        attempts: list[_Attempt] = []
         for anchor, guess in self._recovery.guesses(self._strategy, self.motion, gray, stamp.time_ns):
-            pairs, fit = self._register(anchor, gray, guess)
-            if fit is None:
-                reason = reason.or_further(_unfitted(pairs))
-            else:
-                rejected = self._rejected(fit, anchor.pose, anchor.expected(pairs, fit.ref_H_cur))
-                if rejected is None:
-                    return self._accepted(stamp, anchor, gray, pairs, fit)
-                reason = reason.or_further(rejected)
-            matches = len(pairs)
+            attempts.append(self._attempt(anchor, gray, guess))
+            if attempts[-1].share > _USUAL * self._usual_share:
+                break
+        best = max(attempts, key=lambda attempt: attempt.share)
+        self.last_match = best.pairs, best.fit
+        if best.fit is not None and best.rejected is None:
+            self._usual_share += _SHARE_RATE * (best.share - self._usual_share)
+            return self._accepted(stamp, best.anchor, gray, best.pairs, best.fit)
         self.motion = self.motion.standing()
-        return self.lost(stamp, _or_flat(reason, gray), matches)
+        reason = max((one.rejected for one in attempts if one.rejected is not None), key=list(LostReason).index)
+        return self.lost(stamp, _or_flat(reason, gray), len(attempts[-1].pairs))
 
     def first(self, stamp: FrameStamp) -> Track:
         """The answer to the reference itself: the identity, exactly."""
@@ -137,9 +155,29 @@ class Session:
             anchor.set_prior_weights(self.ground.prior)
         return self._block(anchor)
 
+    def _attempt(self, anchor: Anchor, gray: Gray, guess: Homography) -> _Attempt:
+        pairs, fit = self._register(anchor, gray, guess)
+        if fit is None:
+            return _Attempt(anchor, pairs, fit, _unfitted(pairs), 0.0)
+        expected = anchor.expected(pairs, fit.ref_H_cur)
+        rejected = self._rejected(fit, anchor.pose, expected)
+        share = float(fit.inlier.sum()) / max(expected, 1.0) if rejected is None else 0.0
+        return _Attempt(anchor, pairs, fit, rejected, share)
+
     def _register(self, anchor: Anchor, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
-        self.last_match = anchor.register(gray, guess, self._registration.solve, self._strategy.chains)
-        return self.last_match
+        """Matches and a fit to them; from where that led, again, if it led far."""
+        for _ in range(_MOST_REGISTRATIONS):
+            pairs, fit = anchor.register(gray, guess, self._registration.solve, self._strategy.chains)
+            if fit is None or pairs.ref_H_cur is None or self._has_converged(fit, pairs.ref_H_cur):
+                break
+            guess = fit.ref_H_cur
+        return pairs, fit
+
+    def _has_converged(self, fit: Fit, measured_at: Homography) -> bool:
+        """Whether the matches were measured so near to the fit that they would be the same there."""
+        size = self.reference.frame.size
+        moved_px = rms_distance(fit.ref_H_cur, measured_at, size)
+        return moved_px <= _CONVERGED_PX or moved_px <= sigma_px(fit.ref_H_cur, fit.covariance, size)
 
     def _rejected(self, fit: Fit, pose: AnchorPose, expected: float) -> LostReason | None:
         return self._registration.rejected(fit, pose, expected, self.reference.frame.size)
