@@ -18,6 +18,7 @@ from stab_ros.estimation import estimators
 from stab_ros.methods import spread
 from stab_ros.methods.direct import DirectConfig
 from stab_ros.methods.patches import Patches, cut_patches, measure_patches
+from stab_ros.tracking.frozen_blocks import FrozenBlocks
 from stab_ros.tracking.phase_correlation import PhaseCorrelation
 
 _PATCHES = DirectConfig()  # as of the method `direct`
@@ -36,7 +37,7 @@ class Trajectories:
     """N features over F frames.
 
     reference_px: (N, 2). current_px: (F, N, 2). information: (F, N, 2, 2) of the reference-side displacement, 1/px^2.
-    seen: (F, N) bool, where the other two hold. A frame that could not be followed has none. shapes: (F, 3, 3),
+    seen: (F, N) bool, where the other two hold. frozen: (F, N) bool, what the codec has copied from earlier frames. A frame that could not be followed has none. shapes: (F, 3, 3),
     rough ref_H_cur fitted to most features; all planes share it up to a translation.
     """
 
@@ -44,6 +45,7 @@ class Trajectories:
     current_px: FloatArray
     information: FloatArray
     seen: BoolArray
+    frozen: BoolArray
     shapes: FloatArray
 
     def pairs(self, frame: int, which: BoolArray | None = None) -> Correspondences:
@@ -66,6 +68,8 @@ class FeatureTracks:
         self._at_px, self._step_px = self.reference_px.copy(), np.zeros_like(self.reference_px)
         self._ref_H_cur: Homography = np.eye(3)
         self._rows: list[tuple[FloatArray, FloatArray, BoolArray]] = []
+        self._blocks = FrozenBlocks(reference, self.reference_px)
+        self._frozen: list[BoolArray] = []
         self._shapes: list[Homography] = []
 
     @property
@@ -76,12 +80,14 @@ class FeatureTracks:
     def follow(self, gray: Gray) -> None:
         """Finds all features in the next frame, (h, w) uint8."""
         small = self._shrinking.picture(gray)
+        self._frozen.append(self._blocks.find(gray))
         followed = (self._try(gray, small, self._at_px + self._step_px)
                     or self._try(gray, small, self._jumped(small)))
         if not followed:
             n = len(self.reference_px)
             self._rows.append((np.zeros((n, 2)), np.zeros((n, 2, 2)), np.zeros(n, bool)))
         self._shapes.append(self._ref_H_cur)
+        self._blocks.remember(gray, self._at_px)
 
     def trajectories(self) -> Trajectories:
         """The trajectories so far."""
@@ -89,6 +95,7 @@ class FeatureTracks:
         current, information, seen = zip(*self._rows, strict=True) if self._rows else ((), (), ())
         return Trajectories(self.reference_px, np.array(current).reshape(-1, n, 2),
                             np.array(information).reshape(-1, n, 2, 2), np.array(seen, bool).reshape(-1, n),
+                            np.array(self._frozen, bool).reshape(-1, n),
                             np.array(self._shapes).reshape(-1, 3, 3))
 
     def _as_bright(self, small: Gray) -> Gray:
