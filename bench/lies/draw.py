@@ -19,6 +19,7 @@ FAULTS = (
 KINDS = (*FAULTS, *MOTIONS, *TEXTURES, *ENCODINGS[1:], *WEATHERS[1:])
 _INGREDIENT = {kind: name for name, kinds in (("fault", FAULTS), ("motion", MOTIONS), ("texture", TEXTURES),
                                                ("encoding", ENCODINGS), ("weather", WEATHERS)) for kind in kinds}
+_FRAMES = 12  # at least: several faults come after some of them
 _SIZES = ((320, 240), (480, 270), (640, 360), (640, 480), (960, 540), (1280, 720), (1920, 1080))
 _SIZE_ODDS = (0.12, 0.18, 0.3, 0.12, 0.17, 0.09, 0.02)
 _STILL = ("frozen_previous", "frozen_reference")  # a codec freezes what moves slowly and has little noise
@@ -40,13 +41,17 @@ class Recipe:
         motion: one of `MOTIONS`.
         fault: one of `FAULTS`.
         encoding: one of `ENCODINGS`.
-        quality: of `jpeg`, 50 to 95; step of the quantiser of `blocks`, grey levels.
+        quality: of `jpeg`, 50 to 95.
+        step: of the quantiser of `blocks`, grey levels.
         contrast: of the ground, times that of its texture.
         noise: standard deviation, grey levels.
         jello_px: amplitude of the rows' swing.
         blur_px: standard deviation of the lens' blur.
         exposure: relative amplitude of its changes.
         weather: one of `WEATHERS`.
+
+    Raises:
+        ValueError: too few frames, or too much water.
     """
 
     seed: int
@@ -62,12 +67,17 @@ class Recipe:
     fault: str
     encoding: str
     quality: int
+    step: int
     contrast: float
     noise: float
     jello_px: float
     blur_px: float
     exposure: float
     weather: str
+
+    def __post_init__(self) -> None:
+        if self.frames < _FRAMES or not 0 <= self.water_share <= 0.7:
+            raise ValueError(f"{self.frames} frames with {self.water_share:.0%} of water are no flight")
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -78,9 +88,10 @@ class Recipe:
     def __str__(self) -> str:
         water = "no water" if self.water == "none" else (
             f"{self.water} water {self.water_share:.0%} {self.water_px:.1f} px, {self.banks} bank")
-        return (f"{self.size[0]}x{self.size[1]} {self.texture}, {water}, {self.motion}, {self.fault}, {self.encoding} "
-                f"{self.quality}, noise {self.noise:.1f}, jello {self.jello_px:.2f}, blur {self.blur_px:.1f}, "
-                f"exposure {self.exposure:.2f}, {self.weather}")
+        strength = {"jpeg": f" {self.quality}", "blocks": f" {self.step}"}.get(self.encoding, "")
+        return (f"{self.size[0]}x{self.size[1]} {self.texture}, {water}, {self.motion}, {self.fault}, "
+                f"{self.encoding}{strength}, noise {self.noise:.1f}, "
+                f"jello {self.jello_px:.2f}, blur {self.blur_px:.1f}, exposure {self.exposure:.2f}, {self.weather}")
 
 
 def draw(seed: int, frames: int = 60, kind: str = "", sizes: Sequence[tuple[int, int]] = ()) -> Recipe:
@@ -116,7 +127,7 @@ def _any(rng: np.random.Generator, seed: int, frames: int, sizes: Sequence[tuple
         water_share=0.0 if water == "none" else rng.uniform(0.1, 0.7),
         water_px=float(np.exp(rng.uniform(np.log(0.3), np.log(12)))),
         motion=str(rng.choice(MOTIONS[:4], p=(0.35, 0.3, 0.2, 0.15))), fault=fault, encoding=encoding,
-        quality=int(rng.integers(50, 96)) if encoding == "jpeg" else int(rng.integers(6, 30)),
+        quality=int(rng.integers(50, 96)), step=int(rng.integers(6, 30)),
         contrast=rng.uniform(0.35, 1.1), noise=rng.uniform(0, 8) * rng.uniform(0, 1),
         jello_px=rng.uniform(0, 0.3) if rng.random() < 0.1 else 0.0, blur_px=rng.uniform(0, 1.2),
         exposure=rng.uniform(0.02, 0.25) if rng.random() < 0.25 else 0.0,

@@ -24,7 +24,7 @@ def encoded(recipe: Recipe, pictures: Sequence[Gray], world_H_cur: FloatArray) -
         return [_jpeg(picture, recipe.quality) for picture in pictures]
     if recipe.encoding == "mpeg4":
         return _mpeg4(pictures)
-    return list(_blocks(pictures, world_H_cur, recipe.quality)) if recipe.encoding == "blocks" else list(pictures)
+    return list(_blocks(pictures, world_H_cur, recipe.step)) if recipe.encoding == "blocks" else list(pictures)
 
 
 def _jpeg(picture: Gray, quality: int) -> Gray:

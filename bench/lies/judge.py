@@ -84,7 +84,7 @@ class _Jury:
         self._oracle = lru_cache(maxsize=2)(lambda k: Oracle(flight.pictures[k]))
 
     def verdict(self, track: Track) -> Verdict:
-        reference = self._flight.frame_of(track.reference_stamp_ns) if track.reference_stamp_ns else track.index
+        reference = self._reference(track)
         if track.ref_H_cur is None or track.sigma_px is None:
             return self._of_lost(track.index, reference)
         true_H = self._flight.true_H(track.index, reference)
@@ -92,11 +92,16 @@ class _Jury:
         said = "" if track.index == reference else said_of(error_px, track.sigma_px)
         return self._verdict(track.index, reference, error_px, track.sigma_px, said)
 
+    def _reference(self, track: Track) -> int:
+        """The frame that was or should have been the reference: the first good one where there is none."""
+        first = int(self._flight.garbage.argmin())
+        own = self._flight.frame_of(track.reference_stamp_ns) if track.reference_stamp_ns else first
+        return own if track.tracked or not self._flight.garbage[own] else first
+
     def _of_lost(self, k: int, reference: int) -> Verdict:
-        if self._flight.garbage[k]:
+        if self._flight.garbage[k] or k == reference:
             return self._verdict(k, reference, math.nan, math.nan, "")
-        good = reference if not self._flight.garbage[reference] else int(self._flight.garbage.argmin())
-        error_px = self._found(k, good)
+        error_px = self._found(k, reference)
         return self._verdict(k, reference, error_px, math.nan, LOST if error_px <= _FOUND_PX else "")
 
     def _found(self, k: int, reference: int) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from stab_ros.core.types import Gray, Homography
+from stab_ros.core.types import Float32Array, Gray, Homography, IdArray
 
 _FEATURES, _RATIO, _THRESHOLD_PX, _MIN_INLIERS = 6000, 0.8, 1.0, 12
 
@@ -22,11 +22,20 @@ class Oracle:
         points, descriptors = self._sift.detectAndCompute(picture, None)
         if min(len(points), len(self._points)) < _MIN_INLIERS:
             return None
-        pairs = cv2.BFMatcher(cv2.NORM_L2).knnMatch(descriptors, self._descriptors, 2)
-        good = [first for first, second in pairs if first.distance < _RATIO * second.distance]
-        if len(good) < _MIN_INLIERS:
+        which, nearest = _matches(descriptors, self._descriptors)
+        if len(which) < _MIN_INLIERS:
             return None
-        found = np.array([points[match.queryIdx].pt for match in good])
-        wanted = np.array([self._points[match.trainIdx].pt for match in good])
+        found = np.array([points[k].pt for k in which])
+        wanted = np.array([self._points[k].pt for k in nearest])
         H, inlier = cv2.findHomography(found, wanted, cv2.USAC_MAGSAC, _THRESHOLD_PX, maxIters=5000, confidence=0.999)
         return None if H is None or inlier.sum() < _MIN_INLIERS else np.asarray(H)
+
+
+def _matches(descriptors: Float32Array, others: Float32Array) -> tuple[IdArray, IdArray]:
+    """Rows of `descriptors`, and of their nearest in `others`, that pass the ratio test (Lowe 2004)."""
+    square = (descriptors**2).sum(1)[:, None] + (others**2).sum(1) - 2 * descriptors @ others.T
+    rows, nearest = np.arange(len(square)), square.argmin(1)
+    least = square[rows, nearest].copy()
+    square[rows, nearest] = np.inf
+    good = least < _RATIO**2 * square.min(1)
+    return rows[good], nearest[good]
