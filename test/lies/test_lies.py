@@ -26,7 +26,7 @@ def test_no_flight_is_far_off_in_silence(kind: str) -> None:
 
 @pytest.mark.parametrize("texture", [texture for texture in TEXTURES if texture != "photo"])
 def test_the_truth_is_that_of_the_pictures(texture: str) -> None:
-    recipe = replace(draw(7, 8, texture, SIZES), fault="none", motion="drift", water="none", encoding="raw", noise=0.0,
+    recipe = replace(draw(7, 12, texture, SIZES), fault="none", motion="drift", water="none", encoding="raw", noise=0.0,
                      blur_px=1.0, exposure=0.0, weather="clear", jello_px=0.0)
     flight = render(recipe)
     first, last = (picture.astype(np.float32) for picture in (flight.pictures[0], flight.pictures[-1]))
