@@ -15,6 +15,7 @@ WEATHERS = ("clear", "rain", "fog")
 FAULTS = (
     "none", "osd", "hot_pixels", "fixed_pattern", "dirt", "bars", "soft_bars", "vignette", "flakes", "garbage_first",
     "garbage_early", "frozen_previous", "frozen_reference", "late_overlay", "fixed_camera", "jello",
+    "legs", "repeated",
 )
 KINDS = (*FAULTS, *MOTIONS, *TEXTURES, *ENCODINGS[1:], *WEATHERS[1:])
 _INGREDIENT = {kind: name for name, kinds in (("fault", FAULTS), ("motion", MOTIONS), ("texture", TEXTURES),

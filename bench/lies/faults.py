@@ -101,6 +101,23 @@ def _vignette(recipe: Recipe, rng: np.random.Generator) -> Fault:
     return lambda picture, _k: (picture * kept + 0.5).astype(np.uint8)
 
 
+def _legs(recipe: Recipe, rng: np.random.Generator) -> Fault:
+    """The drone's own legs, dark and out of focus, reach into the picture, or its shadow lies there."""
+    width, height = recipe.size
+    covered, foot = np.zeros((height, width), np.float32), rng.uniform((0.15, 0.1), (0.35, 0.4)) * recipe.size
+    if rng.random() < 0.6:
+        for side in (0, width):
+            cv2.line(covered, (side, height), (int(abs(side - foot[0])), int(height - foot[1])), 1.0, width // 24)
+        shade = 0.9
+    else:
+        (x, y), reach = (rng.uniform(0.3, 0.7, 2) * recipe.size).astype(int).tolist(), width // 20
+        for arm in (reach, -reach):
+            cv2.line(covered, (x - reach, y - arm), (x + reach, y + arm), 1.0, width // 60)
+        shade = 0.5
+    kept = 1 - shade * cv2.GaussianBlur(covered, (0, 0), width / 320)
+    return lambda picture, _k: (picture * kept + 0.5).astype(np.uint8)
+
+
 def _flakes(recipe: Recipe, rng: np.random.Generator) -> Fault:
     width, height = recipe.size
     n = int(rng.uniform(200, 800) * width * height / _STANDARD)
@@ -116,5 +133,5 @@ def _flakes(recipe: Recipe, rng: np.random.Generator) -> Fault:
 
 _FAULTS: dict[str, Callable[[Recipe, np.random.Generator], Fault]] = {
     "osd": _osd, "late_overlay": _late_overlay, "hot_pixels": _hot_pixels, "fixed_pattern": _fixed_pattern,
-    "dirt": _dirt, "bars": _bars, "soft_bars": _bars, "vignette": _vignette, "flakes": _flakes,
+    "dirt": _dirt, "bars": _bars, "soft_bars": _bars, "vignette": _vignette, "flakes": _flakes, "legs": _legs,
 }

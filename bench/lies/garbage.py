@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from lies.draw import Recipe
-from stab_ros.core.types import BoolArray, Gray
+from stab_ros.core.types import BoolArray, Gray, IdArray
 
 _BLOCK = 16  # px, of a macroblock
 
@@ -21,6 +21,17 @@ def garbage_frames(recipe: Recipe) -> BoolArray:
     if recipe.fault == "garbage_early":
         bad[int(np.random.default_rng([recipe.seed, 6]).integers(1, 24))] = True
     return bad
+
+
+def shown_poses(recipe: Recipe) -> IdArray:
+    """(n,) int64: whose pose each frame shows; some cameras and recorders repeat frames."""
+    frame = np.arange(recipe.frames)
+    if recipe.fault != "repeated":
+        return frame
+    rng = np.random.default_rng([recipe.seed, 9])
+    held = rng.random(recipe.frames) < rng.uniform(0.1, 0.6)
+    held[0] = False
+    return np.maximum.accumulate(np.where(held, 0, frame))
 
 
 def decoded(recipe: Recipe, pictures: Sequence[Gray]) -> list[Gray]:

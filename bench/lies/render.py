@@ -9,7 +9,7 @@ import numpy as np
 from lies.draw import Recipe
 from lies.encoding import encoded
 from lies.faults import fault
-from lies.garbage import decoded, garbage_frames
+from lies.garbage import decoded, garbage_frames, shown_poses
 from lies.light import Light
 from lies.motion import RATE_HZ, path
 from lies.scene import Scene
@@ -51,5 +51,6 @@ def render(recipe: Recipe) -> Flight:
     """Renders a flight, all of it into memory."""
     scene, light, add_fault, world_H_cur = Scene(recipe), Light(recipe), fault(recipe), path(recipe)
     sensed = [add_fault(light.sensed(scene.picture(H, k), k), k) for k, H in enumerate(world_H_cur)]
-    pictures = decoded(recipe, encoded(recipe, sensed, world_H_cur))
-    return Flight(recipe, [np.ascontiguousarray(picture) for picture in pictures], world_H_cur, garbage_frames(recipe))
+    pictures, shown = decoded(recipe, encoded(recipe, sensed, world_H_cur)), shown_poses(recipe)
+    pictures = [np.ascontiguousarray(pictures[k]) for k in shown]
+    return Flight(recipe, pictures, world_H_cur[shown], garbage_frames(recipe))

@@ -14,7 +14,7 @@ from lies.render import render
 from stab_ros.core.geometry import rms_distance
 
 FRAMES, SIZES = 34, ((320, 240), (480, 270))
-KINDS = (*FAULTS, "gusts", "cut", "mpeg4", "fog")
+KINDS = (*FAULTS, "gusts", "cut")
 
 
 @pytest.mark.parametrize("kind", KINDS)
