@@ -15,9 +15,10 @@ from stab_ros.methods.base import Method
 from stab_ros.tracking.anchor_pose import AT_REFERENCE, AnchorPose
 from stab_ros.tracking.feature_trust import FeatureTrust
 from stab_ros.tracking.frame_search import FrameSearch
+from stab_ros.tracking.frozen_blocks import FrozenBlocks
 from stab_ros.tracking.full_size_features import FullSizeFeatures
 from stab_ros.tracking.points import check_inside, check_used
-from stab_ros.tracking.relocation import OnGround
+from stab_ros.tracking.relocation import OnGround, everywhere
 from stab_ros.tracking.sensor_fixed import InPlaceCheck
 from stab_ros.tracking.static_map import StaticMap
 
@@ -30,12 +31,17 @@ _MANY_FEATURES = 200  # enough to tell ground from water all over the image
 
 
 class Anchor:
-    """A frame that others are registered to, and all that depends on it alone."""
+    """A frame that others are registered to, and all that depends on it alone.
+
+    frozen: (features,) bool, which of them the codec has copied in the last frame that was looked at.
+    """
 
     def __init__(self, gray: Gray, pose: AnchorPose, method: Method) -> None:
         """method: made for `gray`, (h, w) uint8, which is not copied."""
         self.gray, self.pose, self._method = gray, pose, method
         self._features = FeatureTrust(len(method.reference_px))
+        self._blocks = FrozenBlocks(gray, method.reference_px)
+        self.frozen: BoolArray = np.zeros(len(method.reference_px), bool)
 
     @property
     def features_px(self) -> FloatArray:
@@ -81,9 +87,15 @@ class Anchor:
             trust = np.where(inside(at_px, static_map.size), static_map.at(at_px), trust)
         self._features.set_prior(trust)
 
-    def update_weights(self, pairs: Correspondences, fit: Fit) -> None:
-        """Moves the weights towards what agreed with an accepted fit."""
-        self._features.update(pairs, fit, self._in_view(fit.ref_H_cur))
+    def look(self, gray: Gray) -> None:
+        """Finds out which features of a frame, (h, w) uint8, are frozen: what the codec has copied."""
+        self.frozen = self._blocks.find(gray)
+
+    def update_weights(self, gray: Gray, pairs: Correspondences, fit: Fit) -> None:
+        """Moves the weights towards what agreed with an accepted fit of a frame, (h, w) uint8."""
+        seen_px = self._seen_px(fit.ref_H_cur)
+        self._features.update(pairs, fit, inside(seen_px, self.size) & ~self.frozen)
+        self._blocks.remember(gray, seen_px)
 
     def register(self, gray: Gray, guess: Homography, solve: Solve, chain: bool) -> tuple[Correspondences, Fit | None]:
         """Match and fit from an initial ref_H_cur; both in px of the reference, without the anchor's uncertainty.
@@ -131,7 +143,7 @@ class Anchor:
     def _on_ground(self) -> OnGround:
         """Which points of the anchor lie on static ground; all, where the features are too few to tell."""
         if len(self.features_px) < _MANY_FEATURES:
-            return lambda points_px: np.ones(len(points_px), bool)
+            return everywhere
         ground = StaticMap.of_features(self.features_px, self.trust, self.size)
         return lambda points_px: ground.at(points_px) > _TRUSTED
 
@@ -158,8 +170,11 @@ class Anchor:
 
     def _in_view(self, ref_H_cur: Homography) -> BoolArray:
         """(features,) bool: which of them lie in the frame."""
-        seen_px = apply(np.linalg.inv(self.pose.in_anchor(ref_H_cur)), self._method.reference_px)
-        return inside(seen_px, self.size)
+        return inside(self._seen_px(ref_H_cur), self.size)
+
+    def _seen_px(self, ref_H_cur: Homography) -> FloatArray:
+        """(features, 2) where they lie in the frame."""
+        return apply(np.linalg.inv(self.pose.in_anchor(ref_H_cur)), self._method.reference_px)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""The ways to find a frame in another one, without a prediction or around one that is off; each costs more than the last."""
+"""The ways to find a frame in another one: around a position that is roughly known, and anywhere."""
 
 from __future__ import annotations
 
@@ -20,6 +20,11 @@ class FrameSearch:
         """gray: (h, w) uint8, not copied."""
         self._gray = gray
         self._full_size: tuple[FloatArray, FullSizeFeatures] | None = None
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height, px."""
+        return self._gray.shape[1], self._gray.shape[0]
 
     @cached_property
     def _phase_correlation(self) -> PhaseCorrelation:

@@ -43,3 +43,8 @@ class Relocation:
         height, width = self._shape
         small_H = agreement.motion(pairs.current_px, pairs.reference_px, _THRESHOLD_PX, width * height)
         return None if small_H is None else self._shrinking.whole(small_H)
+
+
+def everywhere(points_px: FloatArray) -> BoolArray:
+    """Where it is not known what is ground: all (N, 2) points are."""
+    return np.ones(len(points_px), bool)

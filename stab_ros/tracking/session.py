@@ -10,7 +10,7 @@ import numpy as np
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import rms_distance, sigma_px
 from stab_ros.core.types import Correspondences, Fit, Gray, Homography, LostReason, State, Track
-from stab_ros.tracking.anchor import Anchor, AnchorFactory
+from stab_ros.tracking.anchor import Anchor, AnchorFactory, Solve
 from stab_ros.tracking.anchor_pose import AT_REFERENCE, AnchorPose
 from stab_ros.tracking.frame_stamp import FrameStamp
 from stab_ros.tracking.ground import Ground
@@ -58,7 +58,7 @@ class Session:
         self.motion = CameraMotion(reference.frame.size, np.eye(3), time_ns)
         self.parallax = Parallax(reference.frame.size)
         self.last_match: tuple[Correspondences, Fit | None] | None = None
-        self._factory, self._registration = factory, Registration(config)
+        self._factory, self._registration = factory, Registration(config, self.reference.frame.size)
         self._strategy = self._strategy_of(anchor, config, factory)
         self._recovery = Recovery(self.ground)
         self._usual_share = 0.0  # of inliers
@@ -127,7 +127,7 @@ class Session:
             self._strategy = self._rebuilt(config, factory)
             self.last_match = None
             self.ground.restrict(factory.allowed)
-        self._factory, self._registration = factory, Registration(config)
+        self._factory, self._registration = factory, Registration(config, self.reference.frame.size)
 
     def _rebuilt(self, config: StabilizerConfig, factory: AnchorFactory) -> Strategy:
         """The strategy anew, from the present anchor; from the reference if it is that, or is to be."""
@@ -166,8 +166,9 @@ class Session:
 
     def _register(self, anchor: Anchor, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
         """Matches and a fit to them; from where that led, again, if it led far."""
+        anchor.look(gray)
         for _ in range(_MOST_REGISTRATIONS):
-            pairs, fit = anchor.register(gray, guess, self._registration.solve, self._strategy.chains)
+            pairs, fit = anchor.register(gray, guess, self._solver(anchor), self._strategy.chains)
             if fit is None or pairs.ref_H_cur is None or self._has_converged(fit, pairs.ref_H_cur):
                 break
             guess = fit.ref_H_cur
@@ -179,13 +180,18 @@ class Session:
         moved_px = rms_distance(fit.ref_H_cur, measured_at, size)
         return moved_px <= _CONVERGED_PX or moved_px <= sigma_px(fit.ref_H_cur, fit.covariance, size)
 
+    def _solver(self, anchor: Anchor) -> Solve:
+        """Fits matches with the anchor in the frame that it has looked at."""
+        return lambda pairs, guess, trust: self._registration.solve(pairs, guess, trust,
+                                                                    anchor.frozen[pairs.feature_id])
+
     def _rejected(self, fit: Fit, pose: AnchorPose, expected: float) -> LostReason | None:
-        return self._registration.rejected(fit, pose, expected, self.reference.frame.size)
+        return self._registration.rejected(fit, pose, expected)
 
     def _accepted(self, stamp: FrameStamp, anchor: Anchor, gray: Gray, pairs: Correspondences, fit: Fit) -> Track:
         """The answer to a registered frame, after which anchors, weights and ground are brought up to date."""
         self._strategy.registered(anchor, fit, lambda other: self._checked_by(other, anchor, gray, fit))
-        anchor.update_weights(pairs, fit)
+        anchor.update_weights(gray, pairs, fit)
         self._find_fixed(anchor, gray, fit)
         self.parallax.add(pairs, fit, self.ground.contains(pairs.reference_px))
         self.ground.update(anchor)
@@ -197,7 +203,7 @@ class Session:
 
     def _checked_by(self, other: Anchor, anchor: Anchor, gray: Gray, fit: Fit) -> Fit | None:
         """The same frame registered to another anchor, too; None if that is rejected."""
-        _, seen = other.register(gray, fit.ref_H_cur, self._registration.solve, chain=False)
+        _, seen = other.register(gray, fit.ref_H_cur, self._solver(other), chain=False)
         return seen if seen is not None and self._rejected(seen, anchor.pose, 0.0) is None else None
 
     def _tracked(self, stamp: FrameStamp, pairs: Correspondences, fit: Fit) -> Track:
@@ -253,7 +259,7 @@ class Session:
         return [dataclasses.replace(track, provisional=result.provisional) for track in tracks]
 
     def _answer(self, frame: BufferedFrame, result: StartResult) -> Track:
-        fit = self._registration.solve(frame.pairs, frame.guess, frame.trust)
+        fit = self._registration.solve(frame.pairs, frame.guess, frame.trust, frame.frozen)
         self.last_match = frame.pairs, fit
         if fit is None:
             reason = _unfitted(frame.pairs)

@@ -40,12 +40,13 @@ class GroundState(Enum):
 class BufferedFrame:
     """A frame of the start-up: its matches with the reference, and roughly its homography.
 
-    trust: (N,) weight of each pair, 1 for ground, 0 for the rest. guess: ref_H_cur for the fit to start from.
+    trust: (N,) weight of each pair, 1 for ground, 0 for the rest. frozen: (N,) bool, what the codec has copied. guess: ref_H_cur for the fit to start from.
     """
 
     stamp: FrameStamp
     pairs: Correspondences
     trust: FloatArray
+    frozen: BoolArray
     guess: Homography
 
 
@@ -172,7 +173,7 @@ class StartBuffer:
         for k in range(first, self._answered):
             pairs = trajectories.pairs(k)
             frames.append(BufferedFrame(self._stamps[k], pairs, ground.member[pairs.feature_id].astype(float),
-                                        guesses[k]))
+                                        trajectories.frozen[k, pairs.feature_id], guesses[k]))
         return frames
 
     def _map(self, plane: Plane) -> StaticMap:
