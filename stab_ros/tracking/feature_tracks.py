@@ -68,8 +68,8 @@ class FeatureTracks:
         self._rows: list[tuple[FloatArray, FloatArray, BoolArray]] = []
         self._shapes: list[Homography] = []
 
-    def follow(self, gray: Gray) -> None:
-        """Finds all features in the next frame, (h, w) uint8."""
+    def follow(self, gray: Gray) -> bool:
+        """Finds all features in the next frame, (h, w) uint8; whether enough were found."""
         small = self._shrinking.picture(gray)
         followed = (self._try(gray, small, self._at_px + self._step_px)
                     or self._try(gray, small, self._jumped(small)))
@@ -77,6 +77,7 @@ class FeatureTracks:
             n = len(self.reference_px)
             self._rows.append((np.zeros((n, 2)), np.zeros((n, 2, 2)), np.zeros(n, bool)))
         self._shapes.append(self._ref_H_cur)
+        return followed
 
     def trajectories(self) -> Trajectories:
         """The trajectories so far."""

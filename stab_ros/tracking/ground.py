@@ -23,6 +23,7 @@ class Ground:
         self._known = static_map is not None
         self._ambiguity: Ambiguity | None = None
         self._frames = 0  # registered ones
+        self.sensor_fixed_share = 0.0  # of the picture, in [0, 1], that moves with the camera
         self.buffer: StartBuffer | None = None
 
     @property
