@@ -14,9 +14,11 @@ from stab_ros.methods import METHODS
 from stab_ros.methods.base import Method
 from stab_ros.tracking.anchor_pose import AT_REFERENCE, AnchorPose
 from stab_ros.tracking.feature_trust import FeatureTrust
+from stab_ros.tracking.frozen_blocks import FrozenBlocks
 from stab_ros.tracking.phase_correlation import PhaseCorrelation
 from stab_ros.tracking.points import check_inside, check_used
 from stab_ros.tracking.relocation import Relocation
+from stab_ros.tracking.sensor_fixed import InPlaceCheck
 from stab_ros.tracking.static_map import StaticMap
 
 # (pairs, initial ref_H_cur, weight of each pair) -> the homography of the current frame to where reference_px lie
@@ -27,12 +29,17 @@ _MANY_FEATURES = 200  # enough to tell ground from water all over the image
 
 
 class Anchor:
-    """A frame that others are registered to, and all that depends on it alone."""
+    """A frame that others are registered to, and all that depends on it alone.
+
+    frozen: (features,) bool, which of them the codec has copied in the last frame that was looked at.
+    """
 
     def __init__(self, gray: Gray, pose: AnchorPose, method: Method) -> None:
         """method: made for `gray`, (h, w) uint8, which is not copied."""
         self.gray, self.pose, self._method = gray, pose, method
         self._features = FeatureTrust(len(method.reference_px))
+        self._blocks = FrozenBlocks(gray, method.reference_px)
+        self.frozen: BoolArray = np.zeros(len(method.reference_px), bool)
 
     @property
     def features_px(self) -> FloatArray:
@@ -53,6 +60,19 @@ class Anchor:
     def _features_in_reference(self) -> FloatArray:
         return apply(self.pose.ref_H_anchor, self.features_px)
 
+    def block(self, fixed_to_camera: BoolArray) -> None:
+        """Leaves out the features that lie on what is fixed to the camera, (h, w) bool, wherever the frame is."""
+        column, row = np.clip(np.round(self.features_px), 0, np.array(self.size) - 1).astype(int).T
+        self._features.block(fixed_to_camera[row, column])
+
+    def fixed_to_camera(self, gray: Gray, ref_H_cur: Homography) -> FloatArray:
+        """(n, 2) px, where a registered frame, (h, w) uint8, shows something fixed to the camera that was not known."""
+        return self._in_place.found(gray, self.pose.in_anchor(ref_H_cur))
+
+    @cached_property
+    def _in_place(self) -> InPlaceCheck:
+        return InPlaceCheck(self.gray, self.features_px)
+
     def set_prior_weights(self, static_map: StaticMap) -> None:
         """Weights the features by the static map of the reference."""
         self._features.set_prior(static_map.at(self._features_in_reference))
@@ -65,9 +85,15 @@ class Anchor:
             trust = np.where(inside(at_px, static_map.size), static_map.at(at_px), trust)
         self._features.set_prior(trust)
 
-    def update_weights(self, pairs: Correspondences, fit: Fit) -> None:
-        """Moves the weights towards what agreed with an accepted fit."""
-        self._features.update(pairs, fit, self._in_view(fit.ref_H_cur))
+    def look(self, gray: Gray) -> None:
+        """Finds out which features of a frame, (h, w) uint8, are frozen: what the codec has copied."""
+        self.frozen = self._blocks.find(gray)
+
+    def update_weights(self, gray: Gray, pairs: Correspondences, fit: Fit) -> None:
+        """Moves the weights towards what agreed with an accepted fit of a frame, (h, w) uint8."""
+        seen_px = self._seen_px(fit.ref_H_cur)
+        self._features.update(pairs, fit, inside(seen_px, self.size) & ~self.frozen)
+        self._blocks.remember(gray, seen_px)
 
     def register(self, gray: Gray, guess: Homography, solve: Solve, chain: bool) -> tuple[Correspondences, Fit | None]:
         """Match and fit from an initial ref_H_cur; both in px of the reference, without the anchor's uncertainty.
@@ -122,8 +148,11 @@ class Anchor:
 
     def _in_view(self, ref_H_cur: Homography) -> BoolArray:
         """(features,) bool: which of them lie in the frame."""
-        seen_px = apply(np.linalg.inv(self.pose.in_anchor(ref_H_cur)), self._method.reference_px)
-        return inside(seen_px, self.size)
+        return inside(self._seen_px(ref_H_cur), self.size)
+
+    def _seen_px(self, ref_H_cur: Homography) -> FloatArray:
+        """(features, 2) where they lie in the frame."""
+        return apply(np.linalg.inv(self.pose.in_anchor(ref_H_cur)), self._method.reference_px)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,8 @@ from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Ho
 from stab_ros.estimation import estimators
 from stab_ros.methods import spread
 from stab_ros.methods.direct import DirectConfig
-from stab_ros.methods.patches import cut_patches, measure_patches
+from stab_ros.methods.patches import Patches, cut_patches, measure_patches
+from stab_ros.tracking.frozen_blocks import FrozenBlocks
 from stab_ros.tracking.phase_correlation import PhaseCorrelation
 
 _PATCHES = DirectConfig()  # as of the method `direct`
@@ -36,7 +37,7 @@ class Trajectories:
     """N features over F frames.
 
     reference_px: (N, 2). current_px: (F, N, 2). information: (F, N, 2, 2) of the reference-side displacement, 1/px^2.
-    seen: (F, N) bool, where the other two hold. A frame that could not be followed has none. shapes: (F, 3, 3),
+    seen: (F, N) bool, where the other two hold. frozen: (F, N) bool, what the codec has copied from earlier frames. A frame that could not be followed has none. shapes: (F, 3, 3),
     rough ref_H_cur fitted to most features; all planes share it up to a translation.
     """
 
@@ -44,6 +45,7 @@ class Trajectories:
     current_px: FloatArray
     information: FloatArray
     seen: BoolArray
+    frozen: BoolArray
     shapes: FloatArray
 
     def pairs(self, frame: int, which: BoolArray | None = None) -> Correspondences:
@@ -66,17 +68,26 @@ class FeatureTracks:
         self._at_px, self._step_px = self.reference_px.copy(), np.zeros_like(self.reference_px)
         self._ref_H_cur: Homography = np.eye(3)
         self._rows: list[tuple[FloatArray, FloatArray, BoolArray]] = []
+        self._blocks = FrozenBlocks(reference, self.reference_px)
+        self._frozen: list[BoolArray] = []
         self._shapes: list[Homography] = []
+
+    @property
+    def patches(self) -> Patches:
+        """The features' templates."""
+        return self._patches
 
     def follow(self, gray: Gray) -> bool:
         """Finds all features in the next frame, (h, w) uint8; whether enough were found."""
         small = self._shrinking.picture(gray)
+        self._frozen.append(self._blocks.find(gray))
         followed = (self._try(gray, small, self._at_px + self._step_px)
                     or self._try(gray, small, self._jumped(small)))
         if not followed:
             n = len(self.reference_px)
             self._rows.append((np.zeros((n, 2)), np.zeros((n, 2, 2)), np.zeros(n, bool)))
         self._shapes.append(self._ref_H_cur)
+        self._blocks.remember(gray, self._at_px)
         return followed
 
     def trajectories(self) -> Trajectories:
@@ -85,6 +96,7 @@ class FeatureTracks:
         current, information, seen = zip(*self._rows, strict=True) if self._rows else ((), (), ())
         return Trajectories(self.reference_px, np.array(current).reshape(-1, n, 2),
                             np.array(information).reshape(-1, n, 2, 2), np.array(seen, bool).reshape(-1, n),
+                            np.array(self._frozen, bool).reshape(-1, n),
                             np.array(self._shapes).reshape(-1, 3, 3))
 
     def _as_bright(self, small: Gray) -> Gray:

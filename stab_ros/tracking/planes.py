@@ -27,7 +27,7 @@ _SAMPLES = 1000
 _SEED = 20201020
 _MOST_PLANES = 4
 _LEAST_SHARE = 0.02
-_LEAST_FEATURES = 12
+LEAST_FEATURES = 12
 _PRESENT = 0.75  # of the frames: with fewer a feature has not kept its template
 _AGREES = 0.9  # of the frames it is seen in
 _WIDENING = 3
@@ -36,10 +36,15 @@ _MOTIONS = (read(F64, 2), read(F64, 3), read(F64, 2))  # start, moved, noise
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """Features that move as one plane. member: (N,) bool. ref_H_cur: (F, 3, 3), NaN where a frame gives none."""
+    """Features that move as one plane.
+
+    member: (N,) bool. ref_H_cur: (F, 3, 3), NaN where a frame gives none. at_rest: whether it has not moved at all in
+    the image: it is fixed to the camera, or the camera to the ground.
+    """
 
     member: BoolArray
     ref_H_cur: FloatArray
+    at_rest: bool = False
 
     def __len__(self) -> int:
         return int(self.member.sum())
@@ -50,14 +55,18 @@ class Plane:
         return np.asarray(self.ref_H_cur[np.flatnonzero(~np.isnan(self.ref_H_cur[:, 0, 0]))[-1]])
 
 
-def find_planes(trajectories: Trajectories) -> list[Plane]:
-    """The planes that the features move with, the largest first; none where too few features were followed."""
+def find_planes(trajectories: Trajectories, among: BoolArray | None = None) -> list[Plane]:
+    """The planes that the features move with, the largest first; none where too few features were followed.
+
+    among: (N,) bool, which features can belong to one; None: all.
+    """
     quarters = _quarter_frames(trajectories)
     if not len(quarters):
         return []
     left: BoolArray = np.all(trajectories.seen[quarters], axis=0)
+    left = left if among is None else left & among
     planes: list[Plane] = []
-    least = max(_LEAST_FEATURES, int(_LEAST_SHARE * len(left)))
+    least = max(LEAST_FEATURES, int(_LEAST_SHARE * len(left)))
     while left.sum() >= least and len(planes) < _MOST_PLANES:
         plane = _widened(trajectories, _largest(trajectories, quarters, left), quarters, left)
         if plane is None or len(plane) < least:

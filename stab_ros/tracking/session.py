@@ -10,7 +10,7 @@ import numpy as np
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import sigma_px
 from stab_ros.core.types import Correspondences, Fit, Gray, Homography, LostReason, State, Track
-from stab_ros.tracking.anchor import Anchor, AnchorFactory
+from stab_ros.tracking.anchor import Anchor, AnchorFactory, Solve
 from stab_ros.tracking.anchor_pose import AT_REFERENCE, AnchorPose
 from stab_ros.tracking.frame_stamp import FrameStamp
 from stab_ros.tracking.ground import Ground
@@ -42,7 +42,7 @@ class Session:
         self.motion = CameraMotion(np.eye(3), time_ns)
         self.parallax = Parallax(reference.frame.size)
         self.last_match: tuple[Correspondences, Fit | None] | None = None
-        self._factory, self._registration = factory, Registration(config)
+        self._factory, self._registration = factory, Registration(config, self.reference.frame.size)
         self._strategy = self._strategy_of(anchor, config, factory)
 
     @property
@@ -109,7 +109,7 @@ class Session:
             self._strategy = self._rebuilt(config, factory)
             self.last_match = None
             self.ground.restrict(factory.allowed)
-        self._factory, self._registration = factory, Registration(config)
+        self._factory, self._registration = factory, Registration(config, self.reference.frame.size)
 
     def _rebuilt(self, config: StabilizerConfig, factory: AnchorFactory) -> Strategy:
         """The strategy anew, from the present anchor; from the reference if it is that, or is to be."""
@@ -135,7 +135,7 @@ class Session:
     def _weighted(self, anchor: Anchor) -> Anchor:
         if self.ground.prior is not None:
             anchor.set_prior_weights(self.ground.prior)
-        return anchor
+        return self._block(anchor)
 
     def _candidates(self, gray: Gray, time_ns: int) -> Iterator[tuple[Anchor, Homography]]:
         """Anchors and initial ref_H_cur: at constant velocity, standing, shifted, and wherever SIFT features lie."""
@@ -152,16 +152,23 @@ class Session:
                 yield one, found
 
     def _register(self, anchor: Anchor, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
-        self.last_match = anchor.register(gray, guess, self._registration.solve, self._strategy.chains)
+        anchor.look(gray)
+        self.last_match = anchor.register(gray, guess, self._solver(anchor), self._strategy.chains)
         return self.last_match
 
+    def _solver(self, anchor: Anchor) -> Solve:
+        """Fits matches with the anchor in the frame that it has looked at."""
+        return lambda pairs, guess, trust: self._registration.solve(pairs, guess, trust,
+                                                                    anchor.frozen[pairs.feature_id])
+
     def _rejected(self, fit: Fit, pose: AnchorPose, expected: float) -> LostReason | None:
-        return self._registration.rejected(fit, pose, expected, self.reference.frame.size)
+        return self._registration.rejected(fit, pose, expected)
 
     def _accepted(self, stamp: FrameStamp, anchor: Anchor, gray: Gray, pairs: Correspondences, fit: Fit) -> Track:
         """The answer to a registered frame, after which anchors, weights and ground are brought up to date."""
         self._strategy.registered(anchor, fit, lambda other: self._checked_by(other, anchor, gray, fit))
-        anchor.update_weights(pairs, fit)
+        anchor.update_weights(gray, pairs, fit)
+        self._find_fixed(anchor, gray, fit)
         self.parallax.add(pairs, fit, self.ground.contains(pairs.reference_px))
         self.ground.update(anchor)
         track = self._tracked(stamp, pairs, fit)
@@ -171,7 +178,7 @@ class Session:
 
     def _checked_by(self, other: Anchor, anchor: Anchor, gray: Gray, fit: Fit) -> Fit | None:
         """The same frame registered to another anchor, too; None if that is rejected."""
-        _, seen = other.register(gray, fit.ref_H_cur, self._registration.solve, chain=False)
+        _, seen = other.register(gray, fit.ref_H_cur, self._solver(other), chain=False)
         return seen if seen is not None and self._rejected(seen, anchor.pose, 0.0) is None else None
 
     def _tracked(self, stamp: FrameStamp, pairs: Correspondences, fit: Fit) -> Track:
@@ -193,7 +200,18 @@ class Session:
         anchor = self._factory.at(gray.copy(), pose)
         if len(anchor.features_px) >= config.min_inliers:
             anchor.inherit_weights(old, self.ground.prior)
-            self._strategy.add(anchor)
+            self._strategy.add(self._block(anchor))
+
+    def _find_fixed(self, anchor: Anchor, gray: Gray, fit: Fit) -> None:
+        """What moves with the camera and not with the ground is left out of all anchors from now on."""
+        if self.ground.add_fixed_to_camera(anchor.fixed_to_camera(gray, fit.ref_H_cur)):
+            for one in self._strategy.anchors:
+                self._block(one)
+
+    def _block(self, anchor: Anchor) -> Anchor:
+        if self.ground.fixed_to_camera is not None:
+            anchor.block(self.ground.fixed_to_camera)
+        return anchor
 
     def _reconsider(self, ref_H_cur: Homography, time_ns: int) -> None:
         """If the other plane turns out to be the ground, the next frames are registered to that."""
@@ -205,7 +223,7 @@ class Session:
 
     def _set_prior_weights(self) -> None:
         for anchor in self._strategy.anchors:
-            anchor.set_prior_weights(self.ground.static_map)
+            self._block(anchor).set_prior_weights(self.ground.static_map)
 
     def _answers(self, result: StartResult) -> list[Track]:
         """The answers to buffered frames, by what the start-up takes for ground."""
@@ -216,7 +234,7 @@ class Session:
         return [dataclasses.replace(track, provisional=result.provisional) for track in tracks]
 
     def _answer(self, frame: BufferedFrame, result: StartResult) -> Track:
-        fit = self._registration.solve(frame.pairs, frame.guess, frame.trust)
+        fit = self._registration.solve(frame.pairs, frame.guess, frame.trust, frame.frozen)
         self.last_match = frame.pairs, fit
         if fit is None:
             reason = _unfitted(frame.pairs)

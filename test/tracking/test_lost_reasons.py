@@ -75,8 +75,8 @@ def fit_of(ref_H_cur: FloatArray, inliers: int, variance: float) -> Fit:
 def test_a_fit_is_rejected_by_the_camera_the_number_and_the_uncertainty(
     fit: Fit, expected: LostReason | None
 ) -> None:
-    registration = Registration(StabilizerConfig(min_inliers=5, min_inlier_share=0.2))
-    assert registration.rejected(fit, AT_REFERENCE, 100.0, SIZE) is expected
+    registration = Registration(StabilizerConfig(min_inliers=5, min_inlier_share=0.2), SIZE)
+    assert registration.rejected(fit, AT_REFERENCE, 100.0) is expected
 
 
 def test_what_came_further_is_the_reason() -> None:
