@@ -82,7 +82,7 @@ class Session:
             return self._accepted(stamp, best.anchor, gray, best.pairs, best.fit)
         self.motion = self.motion.standing()
         reason = max((one.rejected for one in attempts if one.rejected is not None), key=list(LostReason).index)
-        return self.lost(stamp, _or_flat(reason, gray), len(attempts[-1].pairs))
+        return self.lost(stamp, _or_flat(reason, is_textured(gray)), len(attempts[-1].pairs))
 
     def first(self, stamp: FrameStamp) -> Track:
         """The answer to the reference itself: the identity, exactly."""
@@ -269,7 +269,7 @@ class Session:
                 return self._tracked(frame.stamp, frame.pairs, fit)
             reason = rejected
         self.motion = self.motion.standing()
-        return self.lost(frame.stamp, reason, len(frame.pairs))
+        return self.lost(frame.stamp, _or_flat(reason, frame.textured), len(frame.pairs))
 
 
 def _unfitted(pairs: Correspondences) -> LostReason:
@@ -277,7 +277,7 @@ def _unfitted(pairs: Correspondences) -> LostReason:
     return LostReason.FEW_INLIERS if len(pairs) else LostReason.NO_FEATURES
 
 
-def _or_flat(reason: LostReason, gray: Gray) -> LostReason:
-    """The reason, or that the frame, (h, w) uint8, has no texture: what agrees in such a one does so by chance."""
+def _or_flat(reason: LostReason, textured: bool) -> LostReason:
+    """The reason, or that the frame has no texture: few features agree in such a one by chance."""
     by_chance = reason.or_further(LostReason.FEW_INLIERS) is LostReason.FEW_INLIERS
-    return LostReason.NO_TEXTURE if by_chance and not is_textured(gray) else reason
+    return LostReason.NO_TEXTURE if by_chance and not textured else reason

@@ -17,7 +17,7 @@ from stab_ros.tracking.feature_tracks import FeatureTracks, Trajectories
 from stab_ros.tracking.frame_stamp import FrameStamp
 from stab_ros.tracking.ground_choice import Choice, Observations, choose_ground
 from stab_ros.tracking.planes import LEAST_FEATURES, Plane, find_planes
-from stab_ros.tracking.reference import Reference
+from stab_ros.tracking.reference import Reference, is_textured
 from stab_ros.tracking.sensor_fixed import SensorFixed
 from stab_ros.tracking.static_map import StaticMap
 
@@ -40,7 +40,8 @@ class GroundState(Enum):
 class BufferedFrame:
     """A frame of the start-up: its matches with the reference, and roughly its homography.
 
-    trust: (N,) weight of each pair, 1 for ground, 0 for the rest. frozen: (N,) bool, what the codec has copied. guess: ref_H_cur for the fit to start from.
+    trust: (N,) weight of each pair, 1 for ground, 0 for the rest. frozen: (N,) bool, what the codec has copied.
+    guess: ref_H_cur for the fit to start from. textured: whether it shows anything that could be matched.
     """
 
     stamp: FrameStamp
@@ -48,6 +49,7 @@ class BufferedFrame:
     trust: FloatArray
     frozen: BoolArray
     guess: Homography
+    textured: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +84,7 @@ class StartBuffer:
         self._size, self._start_ns, self._duration_ns = reference.frame.size, start_ns, duration_ns
         self._tracks = FeatureTracks(reference.gray, allowed)
         self._stamps: list[FrameStamp] = []
+        self._textured: list[bool] = []
         self._answered = 0  # of the frames so far
         self._ground: BoolArray | None = None  # (N,) the features last taken for ground
         self._sensor = SensorFixed(self._tracks.patches)
@@ -119,7 +122,7 @@ class StartBuffer:
 
     def follow(self, stamp: FrameStamp, gray: Gray) -> None:
         """Takes the next frame, (h, w) uint8."""
-        self._tracks.follow(gray)
+        self._textured.append(self._tracks.follow(gray) or is_textured(gray))
         self._sensor.add(gray)
         self._stamps.append(stamp)
 
@@ -173,7 +176,8 @@ class StartBuffer:
         for k in range(first, self._answered):
             pairs = trajectories.pairs(k)
             frames.append(BufferedFrame(self._stamps[k], pairs, ground.member[pairs.feature_id].astype(float),
-                                        trajectories.frozen[k, pairs.feature_id], guesses[k]))
+                                        trajectories.frozen[k, pairs.feature_id], guesses[k],
+                                        self._textured[k]))
         return frames
 
     def _map(self, plane: Plane) -> StaticMap:
