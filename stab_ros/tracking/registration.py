@@ -55,14 +55,16 @@ class Registration:
         return estimators.fit(pairs, config.model, config.estimator, config.threshold, guess, trust,
                               config.ransac_threshold)
 
-    def rejected(self, fit: Fit, pose: AnchorPose, expected: float) -> LostReason | None:
+    def rejected(self, fit: Fit, pose: AnchorPose, trust: FloatArray, expected: float) -> LostReason | None:
         """Why the fit is not accepted: the camera cannot move so, too few features agree, or it is too uncertain.
 
-        pose: of the anchor. expected: number of trusted features in view. None: it is.
+        pose: of the anchor. trust: (N,) of the matches. expected: number of trusted features in view. None: it is.
         """
         if not is_plausible(pose.in_anchor(fit.ref_H_cur), self.size):
             return LostReason.IMPLAUSIBLE
-        if int(fit.inlier.sum()) < max(self.config.min_inliers, self.config.min_inlier_share * expected):
+        if fit.inlier.sum() < self.config.min_inliers:
+            return LostReason.FEW_INLIERS
+        if trust[fit.inlier].sum() < self.config.min_inlier_share * expected:
             return LostReason.FEW_INLIERS
         if sigma_px(fit.ref_H_cur, fit.covariance, self.size) > self.config.max_sigma:
             return LostReason.UNCERTAIN

@@ -160,8 +160,9 @@ class Session:
         if fit is None:
             return _Attempt(anchor, pairs, fit, _unfitted(pairs), 0.0)
         expected = anchor.expected(pairs, fit.ref_H_cur)
-        rejected = self._rejected(fit, anchor.pose, expected)
-        share = float(fit.inlier.sum()) / max(expected, 1.0) if rejected is None else 0.0
+        trust = anchor.trust[pairs.feature_id]
+        rejected = self._registration.rejected(fit, anchor.pose, trust, expected)
+        share = float(trust[fit.inlier].sum()) / max(expected, 1.0) if rejected is None else 0.0
         return _Attempt(anchor, pairs, fit, rejected, share)
 
     def _register(self, anchor: Anchor, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
@@ -185,9 +186,6 @@ class Session:
         return lambda pairs, guess, trust: self._registration.solve(pairs, guess, trust,
                                                                     anchor.frozen[pairs.feature_id])
 
-    def _rejected(self, fit: Fit, pose: AnchorPose, expected: float) -> LostReason | None:
-        return self._registration.rejected(fit, pose, expected)
-
     def _accepted(self, stamp: FrameStamp, anchor: Anchor, gray: Gray, pairs: Correspondences, fit: Fit) -> Track:
         """The answer to a registered frame, after which anchors, weights and ground are brought up to date."""
         self._strategy.registered(anchor, fit, lambda other: self._checked_by(other, anchor, gray, fit))
@@ -203,8 +201,10 @@ class Session:
 
     def _checked_by(self, other: Anchor, anchor: Anchor, gray: Gray, fit: Fit) -> Fit | None:
         """The same frame registered to another anchor, too; None if that is rejected."""
-        _, seen = other.register(gray, fit.ref_H_cur, self._solver(other), chain=False)
-        return seen if seen is not None and self._rejected(seen, anchor.pose, 0.0) is None else None
+        pairs, seen = other.register(gray, fit.ref_H_cur, self._solver(other), chain=False)
+        if seen is None or self._registration.rejected(seen, anchor.pose, other.trust[pairs.feature_id], 0.0):
+            return None
+        return seen
 
     def _tracked(self, stamp: FrameStamp, pairs: Correspondences, fit: Fit) -> Track:
         """The answer of an accepted fit, from which the next frame is predicted."""
@@ -264,7 +264,8 @@ class Session:
         if fit is None:
             reason = _unfitted(frame.pairs)
         else:
-            rejected = self._rejected(fit, self._strategy.anchor.pose, result.expected(fit.ref_H_cur))
+            expected = result.expected(fit.ref_H_cur)
+            rejected = self._registration.rejected(fit, self._strategy.anchor.pose, frame.trust, expected)
             if rejected is None:
                 return self._tracked(frame.stamp, frame.pairs, fit)
             reason = rejected
