@@ -127,7 +127,7 @@ class Session:
             self._strategy = self._rebuilt(config, factory)
             self.last_match = None
             self.ground.restrict(factory.allowed)
-        self._factory, self._registration = factory, Registration(config, self.reference.frame.size)
+        self._factory, self._registration = factory, dataclasses.replace(self._registration, config=config)
 
     def _rebuilt(self, config: StabilizerConfig, factory: AnchorFactory) -> Strategy:
         """The strategy anew, from the present anchor; from the reference if it is that, or is to be."""
@@ -161,7 +161,7 @@ class Session:
             return _Attempt(anchor, pairs, fit, _unfitted(pairs), 0.0)
         expected = anchor.expected(pairs, fit.ref_H_cur)
         trust = anchor.trust[pairs.feature_id]
-        rejected = self._registration.rejected(fit, anchor.pose, trust, expected)
+        rejected = self._registration.rejected(fit, anchor.pose, pairs, trust, expected)
         share = float(trust[fit.inlier].sum()) / max(expected, 1.0) if rejected is None else 0.0
         return _Attempt(anchor, pairs, fit, rejected, share)
 
@@ -202,7 +202,7 @@ class Session:
     def _checked_by(self, other: Anchor, anchor: Anchor, gray: Gray, fit: Fit) -> Fit | None:
         """The same frame registered to another anchor, too; None if that is rejected."""
         pairs, seen = other.register(gray, fit.ref_H_cur, self._solver(other), chain=False)
-        if seen is None or self._registration.rejected(seen, anchor.pose, other.trust[pairs.feature_id], 0.0):
+        if seen is None or self._registration.rejected(seen, anchor.pose, pairs, other.trust[pairs.feature_id], 0.0):
             return None
         return seen
 
@@ -253,6 +253,7 @@ class Session:
     def _answers(self, result: StartResult) -> list[Track]:
         """The answers to buffered frames, by what the start-up takes for ground."""
         self.ground.decide(result)
+        self._registration = dataclasses.replace(self._registration, scatter=result.scatter)
         self._set_prior_weights()
         self.reset_counter += result.turned  # what was answered before does not belong to what follows
         tracks = [self._answer(frame, result) for frame in result.frames]
@@ -265,7 +266,7 @@ class Session:
             reason = _unfitted(frame.pairs)
         else:
             expected = result.expected(fit.ref_H_cur)
-            rejected = self._registration.rejected(fit, self._strategy.anchor.pose, frame.trust, expected)
+            rejected = self._registration.rejected(fit, self._strategy.anchor.pose, frame.pairs, frame.trust, expected)
             if rejected is None:
                 return self._tracked(frame.stamp, frame.pairs, fit)
             reason = rejected

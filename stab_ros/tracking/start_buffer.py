@@ -58,8 +58,8 @@ class StartResult:
 
     frames: those that have no answer yet. ground_px: (n, 2) features of the ground in the reference. fixed_px: (n, 2)
     features that are fixed to the camera. size: width, height of the reference, px. ambiguity: if another plane can be
-    the ground as well. turned: whether an earlier result took another plane for it. provisional: too little was seen to
-    be certain.
+    the ground as well. turned: whether an earlier result took another plane for it. scatter: of that `Plane`. provisional:
+    too little was seen to be certain.
     """
 
     frames: list[BufferedFrame]
@@ -69,6 +69,7 @@ class StartResult:
     ambiguity: Ambiguity | None
     size: tuple[int, int]
     turned: bool
+    scatter: float
     provisional: bool
 
     def expected(self, ref_H_cur: Homography) -> float:
@@ -138,8 +139,8 @@ class StartBuffer:
         self._ground = member
         reference_px = trajectories.reference_px
         return StartResult(self._frames(choice.ground, trajectories), reference_px[member],
-                           reference_px[self._fixed], self._map(choice.ground), self._ambiguity(choice), self._size, bool(turned),
-                           provisional or not self.enough)
+                           reference_px[self._fixed], self._map(choice.ground), self._ambiguity(choice), self._size,
+                           bool(turned), choice.ground.scatter, provisional or not self.enough)
 
     def _choice(self, trajectories: Trajectories, provisional: bool) -> Choice:
         elapsed_s = (np.array([stamp.time_ns for stamp in self._stamps]) - self._start_ns) / 1e9
