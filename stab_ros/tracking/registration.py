@@ -15,6 +15,7 @@ from stab_ros.methods import METHODS
 from stab_ros.tracking.anchor_pose import AnchorPose
 from stab_ros.tracking.frozen_blocks import no_better
 from stab_ros.tracking.settings import StabilizerConfig
+from stab_ros.tracking.support import Support
 
 # median residuals are 0.1 to 0.4 px, 0.5 px with 9 px of motion blur, and 0.8 px where the homography is 1 px off
 _MOST_MEDIAN_PX = 0.65
@@ -103,21 +104,21 @@ class Registration:
         In a strongly blurred frame each patch is still found, but displaced in a direction that depends on its texture.
         The large number of patches would make such a result look certain, although it is off by pixels.
         """
+        if not METHODS[self.config.method].seeks_all:
+            return False
         off_px = np.hypot(*(apply(fit.ref_H_cur, pairs.current_px) - pairs.reference_px)[trust > TRUSTED].T)
         return len(off_px) > 0 and float(np.median(off_px)) > self.scatter * _MOST_MEDIAN_PX
 
-    def rejected(self, fit: Fit, pose: AnchorPose, pairs: Correspondences, trust: FloatArray, expected: float) -> LostReason | None:
+    def rejected(self, fit: Fit, pose: AnchorPose, pairs: Correspondences, trust: FloatArray,
+                 support: Support) -> LostReason | None:
         """Why the fit is not accepted: the camera cannot move so, too few features agree, or it is too uncertain.
 
-        pose: of the anchor. trust: (N,) of the pairs. expected: number of trusted features in view. None: it is.
+        pose: of the anchor. trust: (N,) of the pairs. None: it is accepted.
         """
         if not is_plausible(pose.in_anchor(fit.ref_H_cur), self.size):
             return LostReason.IMPLAUSIBLE
-        if fit.inlier.sum() < self.config.min_inliers:
-            return LostReason.FEW_INLIERS
-        if trust[fit.inlier].sum() < self.config.min_inlier_share * expected:
-            return LostReason.FEW_INLIERS
-        if METHODS[self.config.method].seeks_all and self._blurred(fit, pairs, trust):
+        many = support.share >= self.config.min_inlier_share and not self._blurred(fit, pairs, trust)
+        if fit.inlier.sum() < self.config.min_inliers or not (many or support.is_solid):
             return LostReason.FEW_INLIERS
         if self._sigma_px(fit) > self.config.max_sigma * max(self.size) / 1000:
             return LostReason.UNCERTAIN

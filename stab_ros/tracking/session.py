@@ -159,11 +159,9 @@ class Session:
         pairs, fit = self._register(anchor, gray, guess)
         if fit is None:
             return _Attempt(anchor, pairs, fit, _unfitted(pairs), 0.0)
-        expected = anchor.expected(pairs, fit.ref_H_cur)
-        trust = anchor.trust[pairs.feature_id]
-        rejected = self._registration.rejected(fit, anchor.pose, pairs, trust, expected)
-        share = float(trust[fit.inlier].sum()) / max(expected, 1.0) if rejected is None else 0.0
-        return _Attempt(anchor, pairs, fit, rejected, share)
+        support = anchor.support(pairs, fit)
+        rejected = self._registration.rejected(fit, anchor.pose, pairs, anchor.trust[pairs.feature_id], support)
+        return _Attempt(anchor, pairs, fit, rejected, support.share if rejected is None else 0.0)
 
     def _register(self, anchor: Anchor, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
         """Matches and a fit to them; from where that led, again, if it led far."""
@@ -202,9 +200,10 @@ class Session:
     def _checked_by(self, other: Anchor, anchor: Anchor, gray: Gray, fit: Fit) -> Fit | None:
         """The same frame registered to another anchor, too; None if that is rejected."""
         pairs, seen = other.register(gray, fit.ref_H_cur, self._solver(other), chain=False)
-        if seen is None or self._registration.rejected(seen, anchor.pose, pairs, other.trust[pairs.feature_id], 0.0):
+        if seen is None:
             return None
-        return seen
+        trust, support = other.trust[pairs.feature_id], other.support(pairs, seen)
+        return None if self._registration.rejected(seen, anchor.pose, pairs, trust, support) else seen
 
     def _tracked(self, stamp: FrameStamp, pairs: Correspondences, fit: Fit) -> Track:
         """The answer of an accepted fit, from which the next frame is predicted."""
@@ -265,8 +264,8 @@ class Session:
         if fit is None:
             reason = _unfitted(frame.pairs)
         else:
-            expected = result.expected(fit.ref_H_cur)
-            rejected = self._registration.rejected(fit, self._strategy.anchor.pose, frame.pairs, frame.trust, expected)
+            support = result.support(frame.pairs, fit)
+            rejected = self._registration.rejected(fit, self._strategy.anchor.pose, frame.pairs, frame.trust, support)
             if rejected is None:
                 return self._tracked(frame.stamp, frame.pairs, fit)
             reason = rejected

@@ -11,7 +11,7 @@ from enum import Enum
 import numpy as np
 
 from stab_ros.core.geometry import apply, inside
-from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography
+from stab_ros.core.types import BoolArray, Correspondences, Fit, FloatArray, Gray, Homography
 from stab_ros.tracking.ambiguity import Ambiguity
 from stab_ros.tracking.feature_tracks import FeatureTracks, Trajectories
 from stab_ros.tracking.frame_stamp import FrameStamp
@@ -20,6 +20,7 @@ from stab_ros.tracking.planes import LEAST_FEATURES, Plane, find_planes
 from stab_ros.tracking.reference import Reference, is_textured
 from stab_ros.tracking.sensor_fixed import SensorFixed
 from stab_ros.tracking.static_map import StaticMap
+from stab_ros.tracking.support import Support, support_of
 
 _LEAST_FEATURES = 48  # with fewer there is nothing to choose between
 # if less of it was seen, as where the first frames were dropped, it takes up to so many times as long
@@ -56,14 +57,15 @@ class BufferedFrame:
 class StartResult:
     """What the start-up has found.
 
-    frames: those that have no answer yet. ground_px: (n, 2) features of the ground in the reference. fixed_px: (n, 2)
-    features that are fixed to the camera. size: width, height of the reference, px. ambiguity: if another plane can be
+    frames: those that have no answer yet. reference_px: (N, 2) all features. ground: (N,) bool, those on it.
+    fixed_px: (n, 2) features that are fixed to the camera. size: width, height of the reference, px. ambiguity: if another plane can be
     the ground as well. turned: whether an earlier result took another plane for it. scatter: of that `Plane`. provisional:
     too little was seen to be certain.
     """
 
     frames: list[BufferedFrame]
-    ground_px: FloatArray
+    reference_px: FloatArray
+    ground: BoolArray
     fixed_px: FloatArray
     static_map: StaticMap
     ambiguity: Ambiguity | None
@@ -72,9 +74,12 @@ class StartResult:
     scatter: float
     provisional: bool
 
-    def expected(self, ref_H_cur: Homography) -> float:
-        """Number of ground features that a frame there should show."""
-        return float(inside(apply(np.linalg.inv(ref_H_cur), self.ground_px), self.size).sum())
+    def support(self, pairs: Correspondences, fit: Fit) -> Support:
+        """How much of the ground in view agrees with a fit to matches of the features."""
+        agrees = np.zeros(len(self.ground), bool)
+        agrees[pairs.feature_id[fit.inlier]] = True
+        shown = self.ground & inside(apply(np.linalg.inv(fit.ref_H_cur), self.reference_px), self.size)
+        return support_of(self.reference_px[shown], np.ones(np.sum(shown)), agrees[shown], self.size)
 
 
 class StartBuffer:
@@ -138,7 +143,7 @@ class StartBuffer:
         turned = before is not None and 2 * np.sum(member & before) < min(np.sum(member), np.sum(before))
         self._ground = member
         reference_px = trajectories.reference_px
-        return StartResult(self._frames(choice.ground, trajectories), reference_px[member],
+        return StartResult(self._frames(choice.ground, trajectories), reference_px, member,
                            reference_px[self._fixed], self._map(choice.ground), self._ambiguity(choice), self._size,
                            bool(turned), choice.ground.scatter, provisional or not self.enough)
 
