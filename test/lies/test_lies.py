@@ -30,11 +30,11 @@ def test_the_truth_is_that_of_the_pictures(texture: str) -> None:
                      blur_px=1.0, exposure=0.0, weather="clear", jello_px=0.0)
     flight = render(recipe)
     first, last = (picture.astype(np.float32) for picture in (flight.pictures[0], flight.pictures[-1]))
-    guess = np.linalg.inv(flight.true_H(7, 0)).astype(np.float32)
+    guess = np.linalg.inv(flight.true_H(11, 0)).astype(np.float32)
     enough = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-7)
     _, cur_H_ref = cv2.findTransformECC(first, last, guess, cv2.MOTION_HOMOGRAPHY, enough, None, 5)
     ref_H_cur = np.linalg.inv(cur_H_ref.astype(float))
-    assert rms_distance(ref_H_cur / ref_H_cur[2, 2], flight.true_H(7, 0), recipe.size) < 0.03
+    assert rms_distance(ref_H_cur / ref_H_cur[2, 2], flight.true_H(11, 0), recipe.size) < 0.05  # ECC interpolates linearly
 
 
 def test_a_seed_is_a_flight() -> None:
