@@ -13,7 +13,18 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.region import Area
 from stab_ros.core.threads import use_threads
 from stab_ros.core.timeline import Timeline
-from stab_ros.core.types import NO_POINTS, Correspondences, Fit, FloatArray, Frame, Image, Stabilized, State, Track
+from stab_ros.core.types import (
+    NO_POINTS,
+    Correspondences,
+    Fit,
+    FloatArray,
+    Frame,
+    Image,
+    LostReason,
+    Stabilized,
+    State,
+    Track,
+)
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.warp import Allocate, warp
 from stab_ros.imaging.window import Window
@@ -262,6 +273,11 @@ class Stabilizer:
         return None if self._present is None else self._present.ground.static_map
 
     @property
+    def sensor_fixed_share(self) -> float:
+        """Share of the picture, in [0, 1], that is known to be fixed to the camera: an overlay, dirt, hot pixels."""
+        return 0.0 if self._present is None else self._present.ground.sensor_fixed_share
+
+    @property
     def relief(self) -> Relief | None:
         """The parallax that shows that the ground is no plane; None: none is seen."""
         return None if self._present is None else self._present.parallax.relief
@@ -301,9 +317,11 @@ class Stabilizer:
         return session.first(stamp)
 
     def _lost(self, stamp: FrameStamp) -> Track:
+        """The answer to a frame that cannot become the reference."""
         if self._present is not None:
-            return self._present.lost(stamp)
-        return Track(State.LOST, stamp.index, stamp.stamp_ns, 0, self.reset_counter)
+            return self._present.lost(stamp, LostReason.NO_TEXTURE)
+        return Track(State.LOST, stamp.index, stamp.stamp_ns, 0, self.reset_counter,
+                     lost_reason=LostReason.NO_TEXTURE)
 
     def _begin_buffering(self, session: Session) -> None:
         """Buffers the frames from here on, if there is anything to find out about the ground."""
