@@ -114,13 +114,14 @@ class FeatureTracks:
         """The features' templates."""
         return self._patches
 
-    def follow(self, gray: Gray) -> None:
-        """Finds all features in the next frame, (h, w) uint8."""
+    def follow(self, gray: Gray) -> float:
+        """Finds all features in the next frame, (h, w) uint8; the share of them that it shows, 0 if not followed."""
         self._frozen.append(self._blocks.find(gray))
         if not any(self._attempts(gray, self._shrinking.picture(gray))):
             self._rows.append(self._unseen)
         self._shapes.append(self._followed[-1].ref_H_cur)
         self._blocks.remember(gray, self._followed[-1].at_px)
+        return float(np.mean(self._rows[-1].seen))
 
     def trajectories(self) -> Trajectories:
         """The trajectories so far."""

@@ -116,13 +116,18 @@ class StartBuffer:
     @property
     def waiting(self) -> int:
         """Number of frames that have no answer yet."""
-        return len(self._stamps) - self._answered
+        return len(self.unanswered)
 
-    def follow(self, stamp: FrameStamp, gray: Gray) -> None:
-        """Takes the next frame, (h, w) uint8."""
-        self._tracks.follow(gray)
+    @property
+    def unanswered(self) -> list[FrameStamp]:
+        """The frames that have no answer yet."""
+        return self._stamps[self._answered :]
+
+    def follow(self, stamp: FrameStamp, gray: Gray) -> float:
+        """Takes the next frame, (h, w) uint8; the share of the features that it shows, 0 if it could not be followed."""
         self._sensor.add(gray)
         self._stamps.append(stamp)
+        return self._tracks.follow(gray)
 
     def result(self, provisional: bool = False) -> StartResult:
         """What is ground, and by that the frames without an answer.
