@@ -47,7 +47,8 @@ class Session:
     """Registers frames to one reference.
 
     reset_counter: how often a reference was replaced before, or the choice of ground turned. found: number of frames
-    that matched the reference so far, within the start-up each by the share of features that it shows. last_match: the matches of the last frame, and what was fitted to them.
+    that matched the reference so far, within the start-up each by the square of the share
+    of features that it shows, since some of them match by chance. last_match: the matches of the last frame, and what was fitted to them.
     """
 
     def __init__(self, reference: Reference, anchor: Anchor, factory: AnchorFactory, config: StabilizerConfig,
@@ -106,7 +107,7 @@ class Session:
     def follow(self, stamp: FrameStamp, gray: Gray) -> float:
         """Buffers a frame, (h, w) uint8, of the start-up; the share of features that it shows, 0 outside of a start-up."""
         shown = 0.0 if self.ground.buffer is None else self.ground.buffer.follow(stamp, gray)
-        self.found += shown
+        self.found += shown**2
         return shown
 
     def finish(self) -> list[Track]:
