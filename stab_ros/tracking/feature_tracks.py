@@ -33,7 +33,7 @@ _COARSEST_PX = 80  # the shorter side of the coarsest pyramid level of the flow
 _PASSES = 3  # against the template
 _CLOSE_PX = 0.02
 _FAR_PX = 3.0  # more than the flow is ever off
-_SHAPE_PX = 3.0
+_SHAPE_PX, _EXACT_SHAPE_PX = 3.0, 1.0  # by the flow, and by the templates
 _APART_PX, _APART_SHARE = 4.0, 0.002  # of the width: what a similarity leaves of a tilt from frame to frame
 _TOGETHER, _LEAST_TOGETHER = 0.25, 12  # of the features that match their templates
 _SEARCH_PX = 128  # in the reference, for a frame that no flow leads to
@@ -114,15 +114,14 @@ class FeatureTracks:
         """The features' templates."""
         return self._patches
 
-    def follow(self, gray: Gray) -> bool:
-        """Finds all features in the next frame, (h, w) uint8; whether enough were found."""
+    def follow(self, gray: Gray) -> float:
+        """Finds all features in the next frame, (h, w) uint8; the share of them that it shows, 0 if not followed."""
         self._frozen.append(self._blocks.find(gray))
-        followed = any(self._attempts(gray, self._shrinking.picture(gray)))
-        if not followed:
+        if not any(self._attempts(gray, self._shrinking.picture(gray))):
             self._rows.append(self._unseen)
         self._shapes.append(self._followed[-1].ref_H_cur)
         self._blocks.remember(gray, self._followed[-1].at_px)
-        return followed
+        return float(np.mean(self._rows[-1].seen))
 
     def trajectories(self) -> Trajectories:
         """The trajectories so far."""
@@ -159,11 +158,13 @@ class FeatureTracks:
         cur_H_before, together = _common_motion(before.at_px, at_px, found, self._apart_px)
         if not together.any():
             return False
-        shape = self._shape(at_px, together, before.ref_H_cur @ np.linalg.inv(cur_H_before))
+        shape = self._shape(at_px, together, normalized(before.ref_H_cur @ np.linalg.inv(cur_H_before)), _SHAPE_PX)
         measured = self._against_templates(gray, shape, at_px, found)
-        if (together & measured.seen).sum() < _TOGETHER * measured.seen.sum():
+        together &= measured.seen
+        if together.sum() < _TOGETHER * measured.seen.sum():
             return False
-        return self._kept(gray, small, before, cur_H_before, shape, measured)
+        shape = self._shape(measured.at_px, together, shape, _EXACT_SHAPE_PX)
+        return self._kept(gray, small, before, shape, measured)
 
     def _by_jump(self, gray: Gray, small: Gray, before: _Followed) -> bool:
         """One attempt as if the whole image had shifted."""
@@ -184,14 +185,11 @@ class FeatureTracks:
 
     def _by_position(self, gray: Gray, small: Gray, ref_H_cur: Homography) -> bool:
         """One attempt where the frame was located."""
-        before = self._followed[-1]
-        cur_H_before = normalized(np.linalg.inv(ref_H_cur) @ before.ref_H_cur)
-        return self._kept(gray, small, before, cur_H_before, ref_H_cur, self._unseen)
+        return self._kept(gray, small, self._followed[-1], ref_H_cur, self._unseen)
 
-    def _kept(self, gray: Gray, small: Gray, before: _Followed, cur_H_before: Homography, ref_H_cur: Homography,
-              measured: _Measured) -> bool:
+    def _kept(self, gray: Gray, small: Gray, before: _Followed, ref_H_cur: Homography, measured: _Measured) -> bool:
         """Whether enough features are seen, once those that were not are sought where the others have moved."""
-        moved_px = apply(cur_H_before, before.at_px)
+        moved_px = apply(np.linalg.inv(ref_H_cur) @ before.ref_H_cur, before.at_px)
         again = self._against_templates(gray, ref_H_cur, moved_px + before.own_px, ~measured.seen)
         seen = measured.seen | again.seen
         if seen.sum() < max(12, _FOLLOWED * len(seen)):
@@ -209,12 +207,13 @@ class FeatureTracks:
         """Largest distance of features that have moved together."""
         return max(_APART_PX, _APART_SHARE * self._search.size[0])
 
-    def _shape(self, at_px: FloatArray, together: BoolArray, guess: Homography) -> Homography:
-        """ref_H_cur, roughly, of most features: rotation and scale are common to all planes."""
-        which = np.flatnonzero(together)
-        pairs = Correspondences(which, self.reference_px[which], at_px[which], np.tile(np.eye(2), (len(which), 1, 1)))
-        found = estimators.refine(pairs, "projective", _SHAPE_PX, normalized(guess), np.ones(len(which)))
-        return normalized(guess) if found is None else found
+    def _shape(self, at_px: FloatArray, which: BoolArray, guess: Homography, threshold_px: float) -> Homography:
+        """ref_H_cur, roughly, of most features of `which`, (N,) bool: all planes share rotation and scale."""
+        chosen = np.flatnonzero(which)
+        pairs = Correspondences(chosen, self.reference_px[chosen], at_px[chosen],
+                                np.tile(np.eye(2), (len(chosen), 1, 1)))
+        found = estimators.refine(pairs, "projective", threshold_px, guess, np.ones(len(chosen)))
+        return guess if found is None else found
 
     def _against_templates(self, gray: Gray, ref_H_cur: Homography, start_px: FloatArray,
                            which: BoolArray) -> _Measured:

@@ -46,14 +46,15 @@ class _Attempt:
 class Session:
     """Registers frames to one reference.
 
-    reset_counter: how often a reference was replaced before, or the choice of ground turned. last_match: the matches
-    of the last frame, and what was fitted to them.
+    reset_counter: how often a reference was replaced before, or the choice of ground turned. found: number of frames
+    that matched the reference so far, within the start-up each by the square of the share
+    of features that it shows, since some of them match by chance. last_match: the matches of the last frame, and what was fitted to them.
     """
 
     def __init__(self, reference: Reference, anchor: Anchor, factory: AnchorFactory, config: StabilizerConfig,
                  static_map: StaticMap | None, time_ns: int, reset_counter: int) -> None:
         """anchor: of the reference, made by `factory`. static_map: where ground is, if known. time_ns: of the frame."""
-        self.reference, self.reset_counter = reference, reset_counter
+        self.reference, self.reset_counter, self.found = reference, reset_counter, 0.0
         self.ground = Ground(factory.allowed, static_map)
         self.motion = CameraMotion(reference.frame.size, np.eye(3), time_ns)
         self.parallax = Parallax(reference.frame.size)
@@ -78,6 +79,7 @@ class Session:
         best = max(attempts, key=lambda attempt: attempt.share)
         self.last_match = best.pairs, best.fit
         if best.fit is not None and best.rejected is None:
+            self.found += 1
             self._usual_share += _SHARE_RATE * (best.share - self._usual_share)
             return self._accepted(stamp, best.anchor, gray, best.pairs, best.fit)
         self.motion = self.motion.standing()
@@ -101,6 +103,12 @@ class Session:
         start = StartBuffer(self.reference, self._factory.allowed, time_ns, duration_ns)
         self.ground.buffer = start if start.useful else None
         return start.useful
+
+    def follow(self, stamp: FrameStamp, gray: Gray) -> float:
+        """Buffers a frame, (h, w) uint8, of the start-up; the share of features that it shows, 0 outside of a start-up."""
+        shown = 0.0 if self.ground.buffer is None else self.ground.buffer.follow(stamp, gray)
+        self.found += shown**2
+        return shown
 
     def finish(self) -> list[Track]:
         """Ends the start-up: the answers to the buffered frames, by what has been seen so far."""

@@ -26,6 +26,7 @@ _LEAST_FEATURES = 48  # with fewer there is nothing to choose between
 # if less of it was seen, as where the first frames were dropped, it takes up to so many times as long
 _SEEN_SHARE, _PATIENCE = 0.5, 3
 _MOVED_PX = 1.5  # between a plane that is fixed to the camera and one that is not
+_AGREEING_PX, _AGREES, _SHOWN = 0.6, 0.7, 0.2  # where there is no plane: px; share of the frames seen in; of all frames
 _MOST_FRAMES = 120  # where time does not advance
 
 
@@ -124,16 +125,26 @@ class StartBuffer:
     @property
     def waiting(self) -> int:
         """Number of frames that have no answer yet."""
-        return len(self._stamps) - self._answered
+        return len(self.unanswered)
 
-    def follow(self, stamp: FrameStamp, gray: Gray) -> None:
-        """Takes the next frame, (h, w) uint8."""
-        self._textured.append(self._tracks.follow(gray) or is_textured(gray))
+    @property
+    def unanswered(self) -> list[FrameStamp]:
+        """The frames that have no answer yet."""
+        return self._stamps[self._answered :]
+
+    def follow(self, stamp: FrameStamp, gray: Gray) -> float:
+        """Takes the next frame, (h, w) uint8; the share of the features that it shows, 0 if it could not be followed."""
+        shown = self._tracks.follow(gray)
+        self._textured.append(shown > 0 or is_textured(gray))
         self._sensor.add(gray)
         self._stamps.append(stamp)
+        return shown
 
     def result(self, provisional: bool = False) -> StartResult:
-        """What is ground, and by that the frames without an answer; all is ground if the features show no plane.
+        """What is ground, and by that the frames without an answer.
+
+        If no features show a plane, those are ground that are seen now and then where most are (snow hides them in
+        turn); if these are too few, all are.
 
         provisional: the start-up is not over; then any other plane counts as a competing hypothesis.
         """
@@ -156,7 +167,7 @@ class StartBuffer:
         self._fixed[:] = False
         planes = find_planes(trajectories)
         if not planes:
-            return Choice(Plane(np.ones(len(trajectories.reference_px), bool), trajectories.shapes))
+            return Choice(Plane(_with_shapes(trajectories), trajectories.shapes))
         return choose_ground(planes, seen, provisional)
 
     def _before_camera(self, trajectories: Trajectories, seen: Observations, provisional: bool) -> Choice | None:
@@ -196,3 +207,13 @@ def _moves(plane: Plane, seen: Observations) -> bool:
     known = np.flatnonzero(~np.isnan(plane.ref_H_cur[:, 0, 0]))
     moved_px = [apply(np.linalg.inv(plane.ref_H_cur[f]), features_px) - features_px for f in known]
     return max(float(np.median(np.hypot(*moved.T))) for moved in moved_px) > _MOVED_PX
+
+
+def _with_shapes(trajectories: Trajectories) -> BoolArray:
+    """(N,) bool: the features that agree with the rough homographies whenever they are seen; all, if they are few."""
+    off_px = np.stack([np.hypot(*(apply(H, at_px) - trajectories.reference_px).T) for H, at_px
+                       in zip(trajectories.shapes, trajectories.current_px, strict=True)])
+    seen = trajectories.seen.sum(axis=0)
+    agreed = np.sum(trajectories.seen & (off_px < _AGREEING_PX), axis=0)
+    member = (agreed >= _SHOWN * len(trajectories.seen)) & (agreed >= _AGREES * seen)
+    return member if np.sum(member) >= LEAST_FEATURES else np.ones(len(member), bool)
