@@ -13,6 +13,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+
 from stab_ros.core.types import FloatArray, Gray, Homography
 from stab_ros.synthetic.render import FloatImage
 
@@ -82,7 +83,7 @@ class PhotoFlight:
         moved = np.array([[c, -s, self.sway_px * x], [s, c, self.sway_px * y],
                           [0.01 * tilt_x / width, 0.01 * tilt_y / width, 1]])
         middle = np.array([[1, 0, (width - 1) / 2], [0, 1, (height - 1) / 2], [0, 0, 1]])
-        return self._photo_scale() @ middle @ moved @ np.linalg.inv(middle)
+        return np.asarray(self._photo_scale() @ middle @ moved @ np.linalg.inv(middle))
 
     def _photo_scale(self) -> FloatArray:
         """From the pixels of the steady picture to those of the middle of the photograph."""

@@ -131,18 +131,21 @@ def fly(one: ErrorSample, frames: int) -> UncertaintyCourse:
 
 
 def flight_of(one: ErrorSample, frames: int) -> Flight:
+    """Its scene and camera."""
     still = cv2.imread(str(STILLS / one.still), cv2.IMREAD_GRAYSCALE) if one.still else None
     scene, banks = replace(preset(one.preset), noise_levels=one.noise), None if still is None else np.asarray(still)
     return Flight(scene, size=one.size, frames=frames, seed=one.seed, still=banks)
 
 
 def frames_of(one: ErrorSample, flight: Flight) -> Iterator[Frame]:
+    """Its frames, spoilt as it says."""
     for shot in tqdm(flight, one.name, disable=None, leave=False):
         image = shot.image if one.spoil is None or shot.index == 0 else one.spoil(shot.image)
         yield Frame(image, "mono8", shot.stamp_ns)
 
 
 def area_of(one: ErrorSample) -> dict[str, Value]:
+    """The parameters that leave out its half."""
     if one.half is None:
         return {}
     (width, height), middle = one.size, one.size[1] // 2

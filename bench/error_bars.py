@@ -1,6 +1,6 @@
 """Whether `sigma_px` holds by kinds of sequence: renderer, photographs, another renderer, and real videos.
 
-    python bench/coverage.py [--videos FOLDER] [--only WORD] [--half chosen|kept] [--json FILE]
+    python bench/error_bars.py [--videos FOLDER] [--only WORD] [--half chosen|kept] [--json FILE]
 
 With exact truth: error over sigma. Real videos have none: there SIFT + MAGSAC++ at full size stands in, whose own error
 is told from halves of its inliers, and two disjoint halves of the patches are compared. Constants were chosen on every
@@ -13,10 +13,11 @@ import argparse
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -30,14 +31,14 @@ from tqdm import tqdm
 from stab_ros.core.geometry import rms_distance
 from stab_ros.core.gray import to_gray
 from stab_ros.core.settings import Value
-from stab_ros.core.types import FloatArray, Frame, Homography, Track
+from stab_ros.core.types import FloatArray, Frame, Gray, Homography, Track
 from stab_ros.io.homographies import read_homographies
 from stab_ros.io.image_folder import ImageFolder
 from stab_ros.io.video import VideoFile
 from stab_ros.parameters.engines import make_stabilizer
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
-_FPS = 25.0
+_FPS, _GUSTS_FPS = 25.0, 24.0
 _SIFT_EVERY = 3
 _SIFT_INLIERS = 40  # with fewer it is no judge
 _SIFT_CELLS, _SIFT_SPLITS = 8, 8
@@ -107,7 +108,7 @@ def _kept(counts: dict[str, int], kind: str) -> bool:
     return counts[kind] % 2 == 0
 
 
-_PHOTO_KINDS: Mapping[str, Sequence[tuple[str, Mapping[str, object]]]] = {
+_PHOTO_KINDS: Mapping[str, Sequence[tuple[str, Mapping[str, Any]]]] = {
     "usual": (("noise 2", {}), ("noise 6", {"noise": 6.0}), ("lens 0.8 px", {"spoil": photographs.slightly_softened,
                                                                             "both": True})),
     "fog and compression": (("fog", {"spoil": photographs.fogged}), ("JPEG 85", {"quality": 85}),
@@ -125,14 +126,14 @@ def photographed(frames: int) -> Iterator[TrueSequence]:
         for way, (what, changes) in enumerate(ways):
             for number_, path in enumerate(sorted((DATA / "stills").iterdir())):
                 for seed in (1, 2):
-                    flight = PhotoFlight(path, frames=frames, seed=10 * seed + number_, **changes)  # type: ignore
+                    flight = replace(PhotoFlight(path, frames=frames, seed=10 * seed + number_), **changes)
                     yield TrueSequence(f"{path.stem}, {what}, {seed}", f"photographs, {kind}",
                                        (number_ + seed + way) % 2 == 1, partial(_grays, flight.pictures),
                                        flight.ref_H_cur,
                                        {"direct.patches": 100} if kind == "few patches" else {})
 
 
-def _grays(pictures: Callable[[], Iterable[photographs.Gray]]) -> Iterator[Frame]:
+def _grays(pictures: Callable[[], Iterable[Gray]]) -> Iterator[Frame]:
     for number_, picture in enumerate(pictures()):
         yield Frame(picture, "mono8", 1_000_000_000 + round(number_ * 1e9 / _FPS))
 
@@ -141,8 +142,9 @@ def gusty() -> Iterator[TrueSequence]:
     """Of another renderer."""
     folder = DATA / "gusts"
     if folder.is_dir():
-        truth = {row.frame: row.ref_H_cur for row in read_homographies(folder / "truth.csv")}
-        yield TrueSequence("gusts", "another renderer", True, partial(_of_folder, folder / "frames", None),
+        rows = read_homographies(folder / "truth.csv")
+        truth = {row.frame: row.ref_H_cur for row in rows if row.ref_H_cur is not None}
+        yield TrueSequence("gusts", "another renderer", True, partial(_of_folder, folder / "frames", None, _GUSTS_FPS),
                            truth.__getitem__)
 
 
@@ -164,8 +166,8 @@ def _of_video(path: Path, limit: int | None) -> Iterator[Frame]:
         yield from (frame for _, frame in islice(video.frames(), limit) if isinstance(frame, Frame))
 
 
-def _of_folder(path: Path, limit: int | None) -> Iterator[Frame]:
-    with closing(ImageFolder(path, _FPS)) as folder:
+def _of_folder(path: Path, limit: int | None, fps: float = _FPS) -> Iterator[Frame]:
+    with closing(ImageFolder(path, fps)) as folder:
         yield from (frame for _, frame in islice(folder.frames(), limit) if isinstance(frame, Frame))
 
 
