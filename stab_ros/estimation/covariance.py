@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from stab_ros.estimation.problem import LEAST_SQUARES, EstimationProblem, LossFu
 
 _LEAST_RESPONSE = 0.2  # the estimate is poor below
 _NOTHING = 1e-12
+_WIDER = 5 / 3
+_NEAR_PX, _STEPS = 3.0, 3
 
 
 def fit_with_loss(problem: EstimationProblem, loss_function: LossFunction, H: Homography) -> Fit | None:
@@ -22,15 +24,32 @@ def fit_with_loss(problem: EstimationProblem, loss_function: LossFunction, H: Ho
 
     Returns None where the correspondences do not determine a homography.
     """
-    limit_px = problem.inlier_threshold_px(loss_function, H)
-    problem = problem.noise_inflated(problem.excess_scatter_px(H))
+    limit_px, everything = problem.inlier_threshold_px(loss_function, H), problem.trusting_all()
+    inlier = problem.squared_ratios
+    problem = problem.noise_inflated(problem.excess_scatter_px(H)).wider(_WIDER)
     polished = problem.polish(loss_function, H, limit_px)
     if polished is None:
         return None
-    ratios = problem.squared_ratios(polished, limit_px)
-    weight = gn.weights_of(ratios, loss_function.weight, loss_function.beyond) * problem.trust
-    return make_fit(problem, polished, weight, ratios < 1, sandwich=_sandwich(problem, loss_function, polished, weight,
-                                                                              problem.noise + limit_px**2))
+    weight = problem.weights(loss_function, polished, limit_px)
+    fit = make_fit(problem, polished, weight, inlier(polished, limit_px) < 1,
+                   sandwich=_sandwich(problem, loss_function, polished, weight, problem.noise + limit_px**2))
+    return _with_disagreement(fit, everything, loss_function) if fit is not None and loss_function.robust else fit
+
+
+def _with_disagreement(fit: Fit, everything: EstimationProblem, loss_function: LossFunction) -> Fit:
+    """The fit with a covariance that covers the plane that all features near it agree on, whatever their weight was.
+
+    Where the ground is a plane and the rest is water, what is near agrees with it. Where rows swing, where the scene is
+    no plane, or a picture is blurred, a robust fit follows one part of it exactly and gives the rest no weight, so its
+    residuals are small whichever part it has found.
+    """
+    limit_px, H = max(_NEAR_PX, everything.threshold_px), fit.ref_H_cur
+    scattered = everything.noise_inflated(everything.excess_scatter_px(H, limit_px))
+    other = scattered.polish(loss_function, H, limit_px, _STEPS)
+    if other is None:
+        return fit
+    off = (other - H).ravel()[:8]
+    return replace(fit, covariance=fit.covariance + np.outer(off, off))
 
 
 def fit_least_squares(problem: EstimationProblem, chosen: BoolArray, H: Homography,

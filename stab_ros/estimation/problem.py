@@ -115,6 +115,14 @@ class EstimationProblem:
         """The same problem with prior weights of 0 for all but the chosen features, (N,) bool."""
         return dataclasses.replace(self, trust=np.where(chosen, self.trust, 0.0))
 
+    def trusting_all(self) -> EstimationProblem:
+        """The same problem with prior weights of 1."""
+        return dataclasses.replace(self, trust=np.ones(len(self.pairs)))
+
+    def wider(self, factor: float) -> EstimationProblem:
+        """The same problem with `factor` times as many standard deviations added to the inlier threshold."""
+        return dataclasses.replace(self, noise=self.noise * factor**2)
+
     def euclidean(self) -> EstimationProblem:
         """The same problem with Euclidean residuals and the same inlier threshold for all features."""
         n = len(self.pairs)
@@ -134,6 +142,11 @@ class EstimationProblem:
         pairs = self.pairs
         squared = gn.squared_residuals(H, pairs.reference_px, pairs.current_px, self.metric)
         return np.asarray(squared / (threshold_px**2 + self.noise))
+
+    def weights(self, loss_function: LossFunction, H: Homography, limit_px: float) -> FloatArray:
+        """Weight (N,) of each feature in a fit: that of the loss function times the prior one."""
+        ratios = self.squared_ratios(H, limit_px)
+        return np.asarray(gn.weights_of(ratios, loss_function.weight, loss_function.beyond) * self.trust)
 
     def excess_scatter_px(self, H: Homography, limit_px: float | None = None) -> float:
         """Standard deviation of the residuals in excess of the features' noise, px: relief, compression, vegetation.
