@@ -113,8 +113,10 @@ def draw(seed: int, frames: int = 60, kind: str = "", sizes: Sequence[tuple[int,
     if kind and kind not in KINDS:
         raise ValueError(f"kind {kind!r} is not one of {', '.join(KINDS)}")
     rng = np.random.default_rng([seed, 7])
-    recipe = _of_kind(_any(rng, seed, frames, sizes), kind)
-    return _possible(recipe, rng)
+    recipe = _possible(_of_kind(_any(rng, seed, frames, sizes), kind), rng)
+    if kind and kind not in recipe.kinds:  # its fault forbids that
+        return _possible(_of_kind(replace(recipe, fault="none"), kind), rng)
+    return recipe
 
 
 def _any(rng: np.random.Generator, seed: int, frames: int, sizes: Sequence[tuple[int, int]]) -> Recipe:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from lies.oracle import Oracle
@@ -35,6 +35,7 @@ class Verdict:
         sigma_px: as the tracker has it.
         said: one of grave (over 1 px and 4 sigma), sigma (over 4 sigma), far (over 1 px, and sigma says so), lost
             (although the oracle finds the ground); empty: nothing.
+        reason: why the frame is LOST, in the tracker's words; empty: it is not.
     """
 
     seed: int
@@ -45,6 +46,7 @@ class Verdict:
     error_px: float
     sigma_px: float
     said: str
+    reason: str = ""
 
     @property
     def lie(self) -> bool:
@@ -86,7 +88,8 @@ class _Jury:
     def verdict(self, track: Track) -> Verdict:
         reference = self._reference(track)
         if track.ref_H_cur is None or track.sigma_px is None:
-            return self._of_lost(track.index, reference)
+            reason = track.lost_reason.value if track.lost_reason else ""
+            return replace(self._of_lost(track.index, reference), reason=reason)
         true_H = self._flight.true_H(track.index, reference)
         error_px = rms_distance(track.ref_H_cur, true_H, self._flight.recipe.size)
         said = "" if track.index == reference else said_of(error_px, track.sigma_px)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,7 +17,7 @@ _HEAD = ("kind", "flights", "frames", "tracked", "grave", "> 4 sigma", "> 1 px",
 
 def line(recipe: Recipe, verdict: Verdict) -> str:
     """One line on a frame."""
-    what = f"LOST, SIFT {verdict.error_px:.2f} px" if verdict.said == LOST else (
+    what = f"{verdict.reason}, SIFT {verdict.error_px:.2f} px" if verdict.said == LOST else (
         f"{verdict.error_px:.3f} px off, sigma {verdict.sigma_px:.4f}")
     return (f"{verdict.said:5}  seed {recipe.seed}  frame {verdict.frame:3}  {what}  "
             f"[{recipe.fault}, {recipe.motion}, {recipe.texture}]")
@@ -35,6 +36,12 @@ def brief(recipe: Recipe, verdicts: Sequence[Verdict]) -> list[str]:
     counts = ", ".join(f"{said.count(word)} {word}" for word in (GRAVE, DOUBTFUL, FAR, LOST) if word in said)
     worst = max((verdict.error_px for verdict in verdicts if verdict.tracked), default=0.0)
     return [f"seed {recipe.seed}: {counts}; worst {worst:.2f} px: {recipe}"]
+
+
+def reasons(flights: Sequence[Judged]) -> str:
+    """Why frames were LOST, the most frequent reason first."""
+    counts = Counter(verdict.reason for _, verdicts in flights for verdict in verdicts if verdict.reason)
+    return "LOST: " + (", ".join(f"{n} {reason}" for reason, n in counts.most_common()) or "none")
 
 
 def table(flights: Sequence[Judged]) -> str:

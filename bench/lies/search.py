@@ -19,7 +19,7 @@ from tqdm import tqdm
 from lies.draw import KINDS, Recipe, draw
 from lies.judge import Verdict, judge
 from lies.render import render
-from lies.report import Judged, brief, lines, table
+from lies.report import Judged, brief, lines, reasons, table
 from stab_ros.core.settings import Value
 
 Say = Callable[[Recipe, Sequence[Verdict]], list[str]]  # the lines on a flight
@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _show(draw(options.show, options.frames, options.kind), options.folder)
     seeds = range(options.first, options.first + options.flights)
     flights = list(_flights(search, seeds, options.jobs, brief if options.brief else lines))
-    print(table(flights))
+    print(table(flights), reasons(flights), sep="\n\n")
     if options.json:
         options.json.write_text(json.dumps([_data(*flight) for flight in flights]))
     return int(any(verdict.said == "grave" for _, verdicts in flights for verdict in verdicts))

@@ -154,6 +154,8 @@ class Fit:
         rmse_px: root mean square distance of the inliers, reference side.
         consensus: size of the estimator's RANSAC consensus set before inliers are selected from it (FS of Zhang et al.
             2023, where the inliers are FP and their share in percent is CMR); None without such a stage.
+        model: the simpler transformation model that took the place of the one asked for, as the inliers did not support
+            it; "": none.
     """
 
     ref_H_cur: Homography
@@ -161,6 +163,7 @@ class Fit:
     covariance: FloatArray
     rmse_px: float
     consensus: int | None = None
+    model: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -23,6 +24,7 @@ _CONVERGED_PX = 1e-3
 _OCTAVES = 4
 _NOISE_SIGMAS = 3.0  # standard deviations of a feature's noise that are added to the inlier threshold
 _CHI2_4_99 = 13.277  # 99 % quantile of chi-square with 4 degrees of freedom
+_CHI2_2_END = 40.0  # what lies beyond does not count
 _TABLE_SIZE = 4096  # samples of r^2 / threshold^2
 
 
@@ -46,6 +48,18 @@ class LossFunction:
     loss: FloatArray
     beyond: float
     robust: bool
+
+    @cached_property
+    def claimed(self) -> FloatArray:
+        """(4096,) E[w^2 q / 2], q chi-square with 2 degrees of freedom, where r^2 / limit^2 = s q; s from 0 to 1.
+
+        The variance of w r for normal errors of variance s limit^2, as a share of that variance.
+        """
+        q = np.linspace(0, _CHI2_2_END, _TABLE_SIZE)
+        density = np.exp(-q / 2) / np.exp(-q / 2).sum() * q / 2
+        steps = np.linspace(0, 1, _TABLE_SIZE // 16)
+        coarse = [float(density @ gn.weights_of(s * q, self.weight, self.beyond) ** 2) for s in steps]
+        return np.interp(np.linspace(0, 1, _TABLE_SIZE), steps, coarse)
 
     @staticmethod
     def least_squares() -> LossFunction:
@@ -101,6 +115,14 @@ class EstimationProblem:
         """The same problem with prior weights of 0 for all but the chosen features, (N,) bool."""
         return dataclasses.replace(self, trust=np.where(chosen, self.trust, 0.0))
 
+    def trusting_all(self) -> EstimationProblem:
+        """The same problem with prior weights of 1."""
+        return dataclasses.replace(self, trust=np.ones(len(self.pairs)))
+
+    def wider(self, factor: float) -> EstimationProblem:
+        """The same problem with `factor` times as many standard deviations added to the inlier threshold."""
+        return dataclasses.replace(self, noise=self.noise * factor**2)
+
     def euclidean(self) -> EstimationProblem:
         """The same problem with Euclidean residuals and the same inlier threshold for all features."""
         n = len(self.pairs)
@@ -120,6 +142,11 @@ class EstimationProblem:
         pairs = self.pairs
         squared = gn.squared_residuals(H, pairs.reference_px, pairs.current_px, self.metric)
         return np.asarray(squared / (threshold_px**2 + self.noise))
+
+    def weights(self, loss_function: LossFunction, H: Homography, limit_px: float) -> FloatArray:
+        """Weight (N,) of each feature in a fit: that of the loss function times the prior one."""
+        ratios = self.squared_ratios(H, limit_px)
+        return np.asarray(gn.weights_of(ratios, loss_function.weight, loss_function.beyond) * self.trust)
 
     def excess_scatter_px(self, H: Homography, limit_px: float | None = None) -> float:
         """Standard deviation of the residuals in excess of the features' noise, px: relief, compression, vegetation.

@@ -21,6 +21,7 @@ from stab_ros.tracking.points import check_inside, check_used
 from stab_ros.tracking.relocation import OnGround, everywhere
 from stab_ros.tracking.sensor_fixed import InPlaceCheck
 from stab_ros.tracking.static_map import StaticMap
+from stab_ros.tracking.support import Support, support_of
 
 # (pairs, initial ref_H_cur, weight of each pair) -> the homography of the current frame to where reference_px lie
 Solve = Callable[[Correspondences, Homography, FloatArray], Fit | None]
@@ -159,14 +160,18 @@ class Anchor:
         """Number of trusted features, summed by weight, that lie in a frame there."""
         return float(self.trust[self._in_view(ref_H_cur)].sum())
 
-    def expected(self, pairs: Correspondences, ref_H_cur: Homography) -> float:
-        """Number of trusted features that a frame there should show.
+    def support(self, pairs: Correspondences, fit: Fit) -> Support:
+        """How much of the ground in view agrees with a fit.
 
-        A detector does not find all of them again, and where the view has changed much, half of its matches are wrong.
+        A detector does not find all features again, and where the view has changed much, half of its matches are wrong.
         """
-        if not self._method.seeks_all:
-            return _RIGHT_MATCHES * float(self.trust[pairs.feature_id].sum())
-        return self.number_in_view(ref_H_cur)
+        agrees = np.zeros(len(self.trust), bool)
+        agrees[pairs.feature_id[fit.inlier]] = True
+        if self._method.seeks_all:
+            which, expected = np.flatnonzero(self._in_view(fit.ref_H_cur)), None
+        else:
+            which, expected = pairs.feature_id, _RIGHT_MATCHES * float(self.trust[pairs.feature_id].sum())
+        return support_of(self.features_px[which], self.trust[which], agrees[which], self.size, expected)
 
     def _in_view(self, ref_H_cur: Homography) -> BoolArray:
         """(features,) bool: which of them lie in the frame."""

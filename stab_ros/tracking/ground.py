@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from stab_ros.core.types import BoolArray, FloatArray, Homography
 from stab_ros.tracking.ambiguity import Ambiguity, Verdict
 from stab_ros.tracking.anchor import Anchor
@@ -24,6 +26,7 @@ class Ground:
         self._known = static_map is not None
         self._ambiguity: Ambiguity | None = None
         self._frames = 0  # registered ones
+        self.sensor_fixed_share = 0.0  # of the picture, in [0, 1], that moves with the camera
         self.buffer: StartBuffer | None = None
         self._fixed_to_camera: BoolArray | None = None
 
@@ -37,7 +40,8 @@ class Ground:
         if not len(points_px):
             return False
         area, known = fixed_area(points_px, self.static_map.size), self._fixed_to_camera
-        self._fixed_to_camera = area if known is None else known | area
+        self._fixed_to_camera = area = area if known is None else known | area
+        self.sensor_fixed_share = np.count_nonzero(area) / area.size
         self.static_map = self.static_map.without(self._fixed_to_camera)
         return True
 

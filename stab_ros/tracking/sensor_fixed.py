@@ -22,7 +22,7 @@ _REACH_PX = 12  # from the centre of a patch: others within it show some of the 
 _EACH_FRAME = 100  # patches that are looked at
 _TIMES = 3  # that a patch is found in place, more often than not
 _MOVED_PX = 3.0  # of the scene: a template does not match there any more
-_AT_REST_PX = 0.05  # all patches together
+_AT_REST_PX = 0.1  # all patches together, beyond which it is no overlay on a scene that moves
 _SHOWN = 0.1  # of the information along the other axis, at least, to know a motion along one
 _STILL_PX = 0.3  # along the axis that the template determines best: an edge does not show a motion along itself
 
@@ -44,9 +44,12 @@ class SensorFixed:
         A camera that is fixed to the ground sways a little, and the ground with it. An overlay does not.
         """
         late = self._frames[len(self._frames) // 2 :]
-        found = np.mean([_in_place(one) for one in late], axis=0) > _MOST if late else np.zeros(len(self._patches), bool)
-        moved_px = max((_shift_px(one, found) for one in late), default=0.0)
-        return found if moved_px < _AT_REST_PX else np.zeros(len(self._patches), bool)
+        none = np.zeros(len(self._patches), bool)
+        if not late:
+            return none
+        found = np.mean([_in_place(one) for one in late], axis=0) > _MOST
+        moved_px = np.median([_shift_px(one, found) for one in late])
+        return found if moved_px < _AT_REST_PX else none
 
 
 class InPlaceCheck:

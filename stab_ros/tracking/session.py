@@ -84,7 +84,7 @@ class Session:
             return self._accepted(stamp, best.anchor, gray, best.pairs, best.fit)
         self.motion = self.motion.standing()
         reason = max((one.rejected for one in attempts if one.rejected is not None), key=list(LostReason).index)
-        return self.lost(stamp, _or_flat(reason, gray), len(attempts[-1].pairs))
+        return self.lost(stamp, _or_flat(reason, is_textured(gray)), len(attempts[-1].pairs))
 
     def first(self, stamp: FrameStamp) -> Track:
         """The answer to the reference itself: the identity, exactly."""
@@ -135,7 +135,7 @@ class Session:
             self._strategy = self._rebuilt(config, factory)
             self.last_match = None
             self.ground.restrict(factory.allowed)
-        self._factory, self._registration = factory, Registration(config, self.reference.frame.size)
+        self._factory, self._registration = factory, dataclasses.replace(self._registration, config=config)
 
     def _rebuilt(self, config: StabilizerConfig, factory: AnchorFactory) -> Strategy:
         """The strategy anew, from the present anchor; from the reference if it is that, or is to be."""
@@ -167,10 +167,9 @@ class Session:
         pairs, fit = self._register(anchor, gray, guess)
         if fit is None:
             return _Attempt(anchor, pairs, fit, _unfitted(pairs), 0.0)
-        expected = anchor.expected(pairs, fit.ref_H_cur)
-        rejected = self._rejected(fit, anchor.pose, expected)
-        share = float(fit.inlier.sum()) / max(expected, 1.0) if rejected is None else 0.0
-        return _Attempt(anchor, pairs, fit, rejected, share)
+        support = anchor.support(pairs, fit)
+        rejected = self._registration.rejected(fit, anchor.pose, pairs, anchor.trust[pairs.feature_id], support)
+        return _Attempt(anchor, pairs, fit, rejected, support.share if rejected is None else 0.0)
 
     def _register(self, anchor: Anchor, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
         """Matches and a fit to them; from where that led, again, if it led far."""
@@ -193,9 +192,6 @@ class Session:
         return lambda pairs, guess, trust: self._registration.solve(pairs, guess, trust,
                                                                     anchor.frozen[pairs.feature_id])
 
-    def _rejected(self, fit: Fit, pose: AnchorPose, expected: float) -> LostReason | None:
-        return self._registration.rejected(fit, pose, expected)
-
     def _accepted(self, stamp: FrameStamp, anchor: Anchor, gray: Gray, pairs: Correspondences, fit: Fit) -> Track:
         """The answer to a registered frame, after which anchors, weights and ground are brought up to date."""
         self._strategy.registered(anchor, fit, lambda other: self._checked_by(other, anchor, gray, fit))
@@ -211,8 +207,11 @@ class Session:
 
     def _checked_by(self, other: Anchor, anchor: Anchor, gray: Gray, fit: Fit) -> Fit | None:
         """The same frame registered to another anchor, too; None if that is rejected."""
-        _, seen = other.register(gray, fit.ref_H_cur, self._solver(other), chain=False)
-        return seen if seen is not None and self._rejected(seen, anchor.pose, 0.0) is None else None
+        pairs, seen = other.register(gray, fit.ref_H_cur, self._solver(other), chain=False)
+        if seen is None:
+            return None
+        trust, support = other.trust[pairs.feature_id], other.support(pairs, seen)
+        return None if self._registration.rejected(seen, anchor.pose, pairs, trust, support) else seen
 
     def _tracked(self, stamp: FrameStamp, pairs: Correspondences, fit: Fit) -> Track:
         """The answer of an accepted fit, from which the next frame is predicted."""
@@ -261,6 +260,7 @@ class Session:
     def _answers(self, result: StartResult) -> list[Track]:
         """The answers to buffered frames, by what the start-up takes for ground."""
         self.ground.decide(result)
+        self._registration = dataclasses.replace(self._registration, scatter=result.scatter)
         self._set_prior_weights()
         self.reset_counter += result.turned  # what was answered before does not belong to what follows
         tracks = [self._answer(frame, result) for frame in result.frames]
@@ -272,12 +272,13 @@ class Session:
         if fit is None:
             reason = _unfitted(frame.pairs)
         else:
-            rejected = self._rejected(fit, self._strategy.anchor.pose, result.expected(fit.ref_H_cur))
+            support = result.support(frame.pairs, fit)
+            rejected = self._registration.rejected(fit, self._strategy.anchor.pose, frame.pairs, frame.trust, support)
             if rejected is None:
                 return self._tracked(frame.stamp, frame.pairs, fit)
             reason = rejected
         self.motion = self.motion.standing()
-        return self.lost(frame.stamp, reason, len(frame.pairs))
+        return self.lost(frame.stamp, _or_flat(reason, frame.textured), len(frame.pairs))
 
 
 def _unfitted(pairs: Correspondences) -> LostReason:
@@ -285,7 +286,7 @@ def _unfitted(pairs: Correspondences) -> LostReason:
     return LostReason.FEW_INLIERS if len(pairs) else LostReason.NO_FEATURES
 
 
-def _or_flat(reason: LostReason, gray: Gray) -> LostReason:
-    """The reason, or that the frame, (h, w) uint8, has no texture: what agrees in such a one does so by chance."""
+def _or_flat(reason: LostReason, textured: bool) -> LostReason:
+    """The reason, or that the frame has no texture: few features agree in such a one by chance."""
     by_chance = reason.or_further(LostReason.FEW_INLIERS) is LostReason.FEW_INLIERS
-    return LostReason.NO_TEXTURE if by_chance and not is_textured(gray) else reason
+    return LostReason.NO_TEXTURE if by_chance and not textured else reason

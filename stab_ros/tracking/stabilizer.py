@@ -285,6 +285,11 @@ class Stabilizer:
         return None if self._present is None else self._present.ground.static_map
 
     @property
+    def sensor_fixed_share(self) -> float:
+        """Share of the picture, in [0, 1], that is known to be fixed to the camera: an overlay, dirt, hot pixels."""
+        return 0.0 if self._present is None else self._present.ground.sensor_fixed_share
+
+    @property
     def relief(self) -> Relief | None:
         """The parallax that shows that the ground is no plane; None: none is seen."""
         return None if self._present is None else self._present.parallax.relief

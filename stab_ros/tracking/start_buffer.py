@@ -11,15 +11,16 @@ from enum import Enum
 import numpy as np
 
 from stab_ros.core.geometry import apply, inside
-from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography
+from stab_ros.core.types import BoolArray, Correspondences, Fit, FloatArray, Gray, Homography
 from stab_ros.tracking.ambiguity import Ambiguity
 from stab_ros.tracking.feature_tracks import FeatureTracks, Trajectories
 from stab_ros.tracking.frame_stamp import FrameStamp
 from stab_ros.tracking.ground_choice import Choice, Observations, choose_ground
 from stab_ros.tracking.planes import LEAST_FEATURES, Plane, find_planes
-from stab_ros.tracking.reference import Reference
+from stab_ros.tracking.reference import Reference, is_textured
 from stab_ros.tracking.sensor_fixed import SensorFixed
 from stab_ros.tracking.static_map import StaticMap
+from stab_ros.tracking.support import Support, support_of
 
 _LEAST_FEATURES = 48  # with fewer there is nothing to choose between
 # if less of it was seen, as where the first frames were dropped, it takes up to so many times as long
@@ -41,7 +42,8 @@ class GroundState(Enum):
 class BufferedFrame:
     """A frame of the start-up: its matches with the reference, and roughly its homography.
 
-    trust: (N,) weight of each pair, 1 for ground, 0 for the rest. frozen: (N,) bool, what the codec has copied. guess: ref_H_cur for the fit to start from.
+    trust: (N,) weight of each pair, 1 for ground, 0 for the rest. frozen: (N,) bool, what the codec has copied.
+    guess: ref_H_cur for the fit to start from. textured: whether it shows anything that could be matched.
     """
 
     stamp: FrameStamp
@@ -49,30 +51,36 @@ class BufferedFrame:
     trust: FloatArray
     frozen: BoolArray
     guess: Homography
+    textured: bool
 
 
 @dataclass(frozen=True, eq=False)
 class StartResult:
     """What the start-up has found.
 
-    frames: those that have no answer yet. ground_px: (n, 2) features of the ground in the reference. fixed_px: (n, 2)
-    features that are fixed to the camera. size: width, height of the reference, px. ambiguity: if another plane can be
-    the ground as well. turned: whether an earlier result took another plane for it. provisional: too little was seen to
-    be certain.
+    frames: those that have no answer yet. reference_px: (N, 2) all features. ground: (N,) bool, those on it.
+    fixed_px: (n, 2) features that are fixed to the camera. size: width, height of the reference, px. ambiguity: if another plane can be
+    the ground as well. turned: whether an earlier result took another plane for it. scatter: of that `Plane`. provisional:
+    too little was seen to be certain.
     """
 
     frames: list[BufferedFrame]
-    ground_px: FloatArray
+    reference_px: FloatArray
+    ground: BoolArray
     fixed_px: FloatArray
     static_map: StaticMap
     ambiguity: Ambiguity | None
     size: tuple[int, int]
     turned: bool
+    scatter: float
     provisional: bool
 
-    def expected(self, ref_H_cur: Homography) -> float:
-        """Number of ground features that a frame there should show."""
-        return float(inside(apply(np.linalg.inv(ref_H_cur), self.ground_px), self.size).sum())
+    def support(self, pairs: Correspondences, fit: Fit) -> Support:
+        """How much of the ground in view agrees with a fit to matches of the features."""
+        agrees = np.zeros(len(self.ground), bool)
+        agrees[pairs.feature_id[fit.inlier]] = True
+        shown = self.ground & inside(apply(np.linalg.inv(fit.ref_H_cur), self.reference_px), self.size)
+        return support_of(self.reference_px[shown], np.ones(np.sum(shown)), agrees[shown], self.size)
 
 
 class StartBuffer:
@@ -83,6 +91,7 @@ class StartBuffer:
         self._size, self._start_ns, self._duration_ns = reference.frame.size, start_ns, duration_ns
         self._tracks = FeatureTracks(reference.gray, allowed)
         self._stamps: list[FrameStamp] = []
+        self._textured: list[bool] = []
         self._answered = 0  # of the frames so far
         self._ground: BoolArray | None = None  # (N,) the features last taken for ground
         self._sensor = SensorFixed(self._tracks.patches)
@@ -125,9 +134,11 @@ class StartBuffer:
 
     def follow(self, stamp: FrameStamp, gray: Gray) -> float:
         """Takes the next frame, (h, w) uint8; the share of the features that it shows, 0 if it could not be followed."""
+        shown = self._tracks.follow(gray)
+        self._textured.append(shown > 0 or is_textured(gray))
         self._sensor.add(gray)
         self._stamps.append(stamp)
-        return self._tracks.follow(gray)
+        return shown
 
     def result(self, provisional: bool = False) -> StartResult:
         """What is ground, and by that the frames without an answer.
@@ -143,9 +154,9 @@ class StartBuffer:
         turned = before is not None and 2 * np.sum(member & before) < min(np.sum(member), np.sum(before))
         self._ground = member
         reference_px = trajectories.reference_px
-        return StartResult(self._frames(choice.ground, trajectories), reference_px[member],
-                           reference_px[self._fixed], self._map(choice.ground), self._ambiguity(choice), self._size, bool(turned),
-                           provisional or not self.enough)
+        return StartResult(self._frames(choice.ground, trajectories), reference_px, member,
+                           reference_px[self._fixed], self._map(choice.ground), self._ambiguity(choice), self._size,
+                           bool(turned), choice.ground.scatter, provisional or not self.enough)
 
     def _choice(self, trajectories: Trajectories, provisional: bool) -> Choice:
         elapsed_s = (np.array([stamp.time_ns for stamp in self._stamps]) - self._start_ns) / 1e9
@@ -182,7 +193,8 @@ class StartBuffer:
         for k in range(first, self._answered):
             pairs = trajectories.pairs(k)
             frames.append(BufferedFrame(self._stamps[k], pairs, ground.member[pairs.feature_id].astype(float),
-                                        trajectories.frozen[k, pairs.feature_id], guesses[k]))
+                                        trajectories.frozen[k, pairs.feature_id], guesses[k],
+                                        self._textured[k]))
         return frames
 
     def _map(self, plane: Plane) -> StaticMap:

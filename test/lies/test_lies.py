@@ -14,12 +14,21 @@ from lies.render import render
 from stab_ros.core.geometry import rms_distance
 
 FRAMES, SIZES = 34, ((320, 240), (480, 270))
-KINDS = (*FAULTS, "gusts", "cut")
+FLIGHTS = {  # kind and seed; those that once were far off, where there were any
+    "none": 1000, "osd": 127, "hot_pixels": 1002, "fixed_pattern": 1003, "dirt": 2004, "bars": 1005, "soft_bars": 2006,
+    "vignette": 3007, "flakes": 3008, "garbage_first": 4009, "garbage_early": 1010, "frozen_previous": 45,
+    "frozen_reference": 29, "late_overlay": 24, "fixed_camera": 1014, "jello": 1015, "legs": 4016, "repeated": 1017,
+    "gusts": 1018, "cut": 3019,
+}
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_no_flight_is_far_off_in_silence(kind: str) -> None:
-    recipe = draw(1000 + KINDS.index(kind), FRAMES, kind, SIZES)
+def test_every_fault_has_a_flight() -> None:
+    assert {*FAULTS} <= {*FLIGHTS}
+
+
+@pytest.mark.parametrize(("kind", "seed"), FLIGHTS.items())
+def test_no_flight_is_far_off_in_silence(kind: str, seed: int) -> None:
+    recipe = draw(seed, FRAMES, kind, SIZES)
     verdicts = judge(render(recipe), {})
     assert [verdict for verdict in verdicts if verdict.said == GRAVE] == [], recipe
 
@@ -30,11 +39,12 @@ def test_the_truth_is_that_of_the_pictures(texture: str) -> None:
                      blur_px=1.0, exposure=0.0, weather="clear", jello_px=0.0)
     flight = render(recipe)
     first, last = (picture.astype(np.float32) for picture in (flight.pictures[0], flight.pictures[-1]))
-    guess = np.linalg.inv(flight.true_H(7, 0)).astype(np.float32)
+    guess = np.linalg.inv(flight.true_H(11, 0)).astype(np.float32)
     enough = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-7)
     _, cur_H_ref = cv2.findTransformECC(first, last, guess, cv2.MOTION_HOMOGRAPHY, enough, None, 5)
     ref_H_cur = np.linalg.inv(cur_H_ref.astype(float))
-    assert rms_distance(ref_H_cur / ref_H_cur[2, 2], flight.true_H(7, 0), recipe.size) < 0.03
+    error_px = rms_distance(ref_H_cur / ref_H_cur[2, 2], flight.true_H(11, 0), recipe.size)
+    assert error_px < 0.05  # which is ECC's own, as it interpolates linearly
 
 
 def test_a_seed_is_a_flight() -> None:
