@@ -14,7 +14,7 @@ _WHOLE = Window()
 
 
 def track_cdr(track: Track, header: Header, window: Window = _WHOLE) -> bytes:
-    """DiagnosticArray with one status for the frame; values that are unknown while LOST are empty strings.
+    """DiagnosticArray with one status for the frame; empty strings: unknown while LOST, lost_reason while TRACKED.
 
     window: the part of the reference that `image_stabilized` shows.
     """
@@ -30,6 +30,7 @@ def track_cdr(track: Track, header: Header, window: Window = _WHOLE) -> bytes:
         "offset": " ".join(f"{offset_px:.12g}" for offset_px in window.offset),
         "scale": f"{window.scale:.12g}",
         "provisional": str(track.provisional).lower(),
+        "lost_reason": "" if track.lost_reason is None else track.lost_reason.value,
     }
     level = OK if track.tracked else WARN
     return status_cdr(header, "track", header.frame_id, level, track.state.value, values)

@@ -13,12 +13,14 @@ from stab_ros.core.kernels import Compilation, compile_kernels
 from stab_ros.core.settings import Value
 from stab_ros.core.timeline import Advance
 from stab_ros.core.types import Frame, Track
+from stab_ros.io.advice import FixedToCamera
 from stab_ros.io.cdr import SECOND_NS, Header, header_of
 from stab_ros.io.image_message import read_image
 from stab_ros.io.topics import HOMOGRAPHY_TOPIC
 from stab_ros.nodes import params
 from stab_ros.nodes.camera_info_subscription import CameraInfoSubscription
 from stab_ros.nodes.image_input import ImageInput
+from stab_ros.nodes.lost_log import LostLog
 from stab_ros.nodes.reference_file import ReferenceFile
 from stab_ros.nodes.runtime import StabNode
 from stab_ros.nodes.spinner import Spinner
@@ -71,6 +73,7 @@ class TrackerNode(StabNode):
             self, compressed=self.settings.image_transport == "compressed", keep_all=self.settings.queue_depth == 0,
             may_pass=self._knows_camera, take=self._track, dropped=self.status.on_dropped)
         self._warnings = ThrottledWarnings(self.get_logger())
+        self._lost_log, self._fixed = LostLog(self.get_logger(), self._warnings), FixedToCamera()
         self._stamps = StampMonitor()
         self._file = ReferenceFile(self.settings.reference_path, self.get_logger())
         self._file.check_camera(self.camera is not None)
@@ -181,7 +184,9 @@ class TrackerNode(StabNode):
             size = pending.size if reference is None or track.tracked else reference.size
             self.outputs.send_track(track, pending.header, size, camera, self.stabilizer)
             self.status.on_track(track, time.time_ns() - pending.source_ns)
+            self._lost_log.on_track(track)
         self._warn_of_ground()
+        self._tell_of_fixed()
 
     def _publish_references(self) -> None:
         """The reference and the static map, if they are new."""
@@ -215,6 +220,11 @@ class TrackerNode(StabNode):
         if before is GroundState.PROVISIONAL:
             self._warn("decided", "the ground was chosen anew, earlier homographies were provisional; reset_counter is "
                        f"{self.stabilizer.reset_counter}")
+
+    def _tell_of_fixed(self) -> None:
+        news = self._fixed.news(self.stabilizer.reference, self.stabilizer.sensor_fixed_share)
+        if news:
+            self.get_logger().info(news)
 
     def _warn_of_stamp(self, step: Advance) -> None:
         text = self._stamps.words(step)

@@ -27,7 +27,10 @@ _SAMPLES = 1000
 _SEED = 20201020
 _MOST_PLANES = 4
 _LEAST_SHARE = 0.02
-_LEAST_FEATURES = 12
+_SCATTERED = (2.0, 4.0)  # times the threshold, where hardly anything agrees within it
+_FEW = 0.2  # of the features
+_MANY_MORE = 2.0  # times as many
+LEAST_FEATURES = 12
 _PRESENT = 0.75  # of the frames: with fewer a feature has not kept its template
 _AGREES = 0.9  # of the frames it is seen in
 _WIDENING = 3
@@ -36,10 +39,17 @@ _MOTIONS = (read(F64, 2), read(F64, 3), read(F64, 2))  # start, moved, noise
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """Features that move as one plane. member: (N,) bool. ref_H_cur: (F, 3, 3), NaN where a frame gives none."""
+    """Features that move as one plane.
+
+    member: (N,) bool. ref_H_cur: (F, 3, 3), NaN where a frame gives none. at_rest: whether it has not moved at all in
+    the image: it is fixed to the camera, or the camera to the ground. scatter: how many times further than usual its
+    features lie off it, as on ground that is uneven or poorly compressed.
+    """
 
     member: BoolArray
     ref_H_cur: FloatArray
+    at_rest: bool = False
+    scatter: float = 1.0
 
     def __len__(self) -> int:
         return int(self.member.sum())
@@ -50,21 +60,39 @@ class Plane:
         return np.asarray(self.ref_H_cur[np.flatnonzero(~np.isnan(self.ref_H_cur[:, 0, 0]))[-1]])
 
 
-def find_planes(trajectories: Trajectories) -> list[Plane]:
-    """The planes that the features move with, the largest first; none where too few features were followed."""
+def find_planes(trajectories: Trajectories, among: BoolArray | None = None) -> list[Plane]:
+    """The planes that the features move with, the largest first; none where too few features were followed.
+
+    among: (N,) bool, which features can belong to one; None: all.
+    """
     quarters = _quarter_frames(trajectories)
     if not len(quarters):
         return []
-    left: BoolArray = np.all(trajectories.seen[quarters], axis=0)
+    kept: BoolArray = np.all(trajectories.seen[quarters], axis=0)
+    kept = kept if among is None else kept & among
+    planes = _planes(trajectories, quarters, kept, 1.0)
+    for scatter in _SCATTERED if _largest_share(planes, kept) < _FEW else ():
+        wider = _planes(trajectories, quarters, kept, scatter)
+        if _largest_share(wider, kept) > _MANY_MORE * _largest_share(planes, kept):
+            planes = wider
+    return planes
+
+
+def _planes(trajectories: Trajectories, quarters: IdArray, left: BoolArray, scatter: float) -> list[Plane]:
+    """The planes among the features `left`, (N,) bool, the largest first. scatter: of `Plane`."""
     planes: list[Plane] = []
-    least = max(_LEAST_FEATURES, int(_LEAST_SHARE * len(left)))
+    least = max(LEAST_FEATURES, int(_LEAST_SHARE * len(left)))
     while left.sum() >= least and len(planes) < _MOST_PLANES:
-        plane = _widened(trajectories, _largest(trajectories, quarters, left), quarters, left)
+        plane = _widened(trajectories, _largest(trajectories, quarters, left, scatter), quarters, left, scatter)
         if plane is None or len(plane) < least:
             break
         planes.append(plane)
         left = left & ~plane.member
     return sorted(planes, key=len, reverse=True)
+
+
+def _largest_share(planes: list[Plane], among: BoolArray) -> float:
+    return len(planes[0]) / np.sum(among) if planes else 0.0
 
 
 def _quarter_frames(trajectories: Trajectories) -> IdArray:
@@ -74,16 +102,17 @@ def _quarter_frames(trajectories: Trajectories) -> IdArray:
     return np.unique(followed[np.clip(np.round(at).astype(int), 0, None)]) if len(followed) else followed
 
 
-def _largest(trajectories: Trajectories, quarters: IdArray, left: BoolArray) -> BoolArray:
+def _largest(trajectories: Trajectories, quarters: IdArray, left: BoolArray, scatter: float) -> BoolArray:
     """(N,) bool: the largest group of `left` that agrees with the similarity of two features in all four frames."""
     which = np.flatnonzero(left)
     start = trajectories.reference_px[which]
     moved = np.stack([apply(trajectories.shapes[f], trajectories.current_px[f, which]) for f in quarters])
     noise = np.stack([noises(trajectories.information[f, which]) for f in quarters])
+    threshold_px = scatter * _THRESHOLD_PX
     samples = np.random.default_rng(_SEED).integers(0, len(which), (_SAMPLES, 2))
-    best = _best_sample(samples, start, moved, noise, _THRESHOLD_PX, _OCTAVES)
+    best = _best_sample(samples, start, moved, noise, threshold_px, _OCTAVES)
     member = np.zeros(len(left), bool)
-    member[which] = _excess(samples[best, 0], samples[best, 1], start, moved, noise) < _THRESHOLD_PX**2
+    member[which] = _excess(samples[best, 0], samples[best, 1], start, moved, noise) < threshold_px**2
     return member
 
 
@@ -127,31 +156,34 @@ def _best_sample(samples: IdArray, start: FloatArray, moved: FloatArray, noise: 
     return best
 
 
-def _widened(trajectories: Trajectories, member: BoolArray, quarters: IdArray, left: BoolArray) -> Plane | None:
+def _widened(trajectories: Trajectories, member: BoolArray, quarters: IdArray, left: BoolArray,
+             scatter: float) -> Plane | None:
     """The plane that the members lie on, with all that is `left` and agrees, and its homography in every frame."""
-    reach_px = _THRESHOLD_PX
+    threshold_px = reach_px = scatter * _THRESHOLD_PX
     for _ in range(_WIDENING):
-        fitted = np.stack([_fitted(trajectories, f, member) for f in quarters])
+        fitted = np.stack([_fitted(trajectories, f, member, threshold_px) for f in quarters])
         if np.isnan(fitted).any():
             return None
-        reach_px = max(_reach_px(trajectories, f, H, member) for f, H in zip(quarters, fitted, strict=True))
+        reach_px = max(_reach_px(trajectories, f, H, member, threshold_px)
+                       for f, H in zip(quarters, fitted, strict=True))
         agrees = np.stack([_agreeing(trajectories, f, H, reach_px) for f, H in zip(quarters, fitted, strict=True)])
         member = left & agrees.all(axis=0)
-    ref_H_cur = np.stack([_fitted(trajectories, f, member) for f in range(len(trajectories.shapes))])
-    return Plane(left & _persistent(trajectories, ref_H_cur, reach_px), ref_H_cur)
+    ref_H_cur = np.stack([_fitted(trajectories, f, member, threshold_px) for f in range(len(trajectories.shapes))])
+    return Plane(left & _persistent(trajectories, ref_H_cur, reach_px), ref_H_cur, scatter=scatter)
 
 
-def _reach_px(trajectories: Trajectories, frame: int, ref_H_cur: Homography, member: BoolArray) -> float:
+def _reach_px(trajectories: Trajectories, frame: int, ref_H_cur: Homography, member: BoolArray,
+              threshold_px: float) -> float:
     """Largest residual of a feature without noise: by the scatter of the members, at most the threshold."""
     off = apply(ref_H_cur, trajectories.current_px[frame, member]) - trajectories.reference_px[member]
     scatter_px = float(np.median(np.hypot(*off.T))) if len(off) else 0.0
-    return min(max(_SCATTERS * scatter_px, _THRESHOLD_PX * 0.5 ** (_OCTAVES - 1)), _THRESHOLD_PX)
+    return min(max(_SCATTERS * scatter_px, threshold_px * 0.5 ** (_OCTAVES - 1)), threshold_px)
 
 
-def _fitted(trajectories: Trajectories, frame: int, member: BoolArray) -> Homography:
+def _fitted(trajectories: Trajectories, frame: int, member: BoolArray, threshold_px: float) -> Homography:
     """ref_H_cur of one frame by the members; NaN where they do not determine it."""
     pairs = trajectories.pairs(frame, member)
-    found = estimators.refine(pairs, "projective", _THRESHOLD_PX, trajectories.shapes[frame], np.ones(len(pairs)))
+    found = estimators.refine(pairs, "projective", threshold_px, trajectories.shapes[frame], np.ones(len(pairs)))
     return np.full((3, 3), np.nan) if found is None else found
 
 
