@@ -24,7 +24,7 @@ def fit_with_loss(problem: EstimationProblem, loss_function: LossFunction, H: Ho
 
     Returns None where the correspondences do not determine a homography.
     """
-    limit_px, everything = problem.inlier_threshold_px(loss_function, H), problem.trusting_all()
+    limit_px, everything = problem.inlier_threshold_px(loss_function, H), problem.trusting_neighbours()
     inlier = problem.squared_ratios
     problem = problem.noise_inflated(problem.excess_scatter_px(H)).wider(_WIDER)
     polished = problem.polish(loss_function, H, limit_px)
