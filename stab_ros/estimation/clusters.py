@@ -34,7 +34,8 @@ def excess(normal: FloatArray, score: FloatArray, predicted: FloatArray) -> floa
         predicted: (k, k) variance of the total score.
     """
     inverse = np.linalg.inv(normal.sum(axis=0))
-    root = np.linalg.cholesky(inverse)
+    values, axes = np.linalg.eigh((inverse + inverse.T) / 2)
+    root = axes * np.sqrt(np.maximum(values, 0.0))  # of a matrix that rounding may have made slightly indefinite
     normal, score = root.T @ normal @ root, score @ root
     ratios = [_left_and_found(normal, score, *division) for division in _DIVISIONS]
     found = max((total / left for left, total in ratios if left > _LEAST_LEFT), default=0.0)
