@@ -51,6 +51,11 @@ class LossFunction:
     beyond: float
     robust: bool
 
+    @property
+    def falls(self) -> bool:
+        """Whether the weight falls to nothing at the threshold."""
+        return bool(self.weight[-1] == 0)
+
     @cached_property
     def claimed(self) -> FloatArray:
         """(4096,) E[w^2 q / 2], q chi-square with 2 degrees of freedom, where r^2 / limit^2 = s q; s from 0 to 1.
@@ -183,11 +188,11 @@ class EstimationProblem:
         supporting = self.squared_ratios(H, self.threshold_px / 4) < 1
         return float(np.sum(self.trust[supporting])) / max(float(np.sum(self.trust)), 1e-9)
 
-    def inlier_threshold_px(self, loss_function: LossFunction, H: Homography) -> float:
+    def inlier_threshold_px(self, loss_function: LossFunction, scatter_px: float) -> float:
         """Adaptive inlier threshold: four times the excess scatter, within [threshold / 8, threshold]."""
         if not loss_function.robust:
             return self.threshold_px
-        return min(max(4 * self.excess_scatter_px(H), self.threshold_px * 0.5 ** (_OCTAVES - 1)), self.threshold_px)
+        return min(max(4 * scatter_px, self.threshold_px * 0.5 ** (_OCTAVES - 1)), self.threshold_px)
 
     def least_loss(self, loss_function: LossFunction, candidates: FloatArray, threshold_px: float | None = None,
                    octaves: int = _OCTAVES) -> tuple[int, float]:
