@@ -9,6 +9,7 @@ import numpy as np
 from stab_ros.core.geometry import apply, is_plausible, rms_distance, sigma_px
 from stab_ros.core.types import BoolArray, Correspondences, Fit, FloatArray, Homography, LostReason
 from stab_ros.estimation import estimators
+from stab_ros.estimation.aliasing import with_aliasing
 from stab_ros.estimation.models import PARAMETERS, Basis
 from stab_ros.estimation.problem import TRUSTED
 from stab_ros.methods import METHODS
@@ -81,7 +82,8 @@ class Registration:
 
     def _by_model(self, model: str, pairs: Correspondences, guess: Homography, trust: FloatArray) -> Fit | None:
         config = self.config
-        return estimators.fit(pairs, model, config.estimator, self.threshold_px, guess, trust, config.ransac_threshold)
+        fit = estimators.fit(pairs, model, config.estimator, self.threshold_px, guess, trust, config.ransac_threshold)
+        return None if fit is None else with_aliasing(fit, pairs)
 
     def _tilted(self, fit: Fit, pairs: Correspondences) -> Fit:
         """A similarity with the uncertainty of what it leaves out: each of the other four parameters is 0 by a prior."""
