@@ -13,6 +13,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from stab_ros.core.row_shifts import RowShifts
+
 Gray: TypeAlias = NDArray[np.uint8]  # (h, w)
 Image: TypeAlias = NDArray[Any]  # (h, w) or (h, w, channels), uint8 or uint16
 Homography: TypeAlias = NDArray[np.floating[Any]]  # (3, 3) float64, h22 = 1
@@ -131,6 +133,7 @@ class Fit:
         rmse_px: root mean square distance of the inliers, reference side.
         consensus: size of the estimator's RANSAC consensus set before inliers are selected from it (FS of Zhang et al.
             2023, where the inliers are FP and their share in percent is CMR); None without such a stage.
+        rows: displacements of the frame's rows, added to its pixels before the homography; None: there are none.
     """
 
     ref_H_cur: Homography
@@ -138,6 +141,7 @@ class Fit:
     covariance: FloatArray
     rmse_px: float
     consensus: int | None = None
+    rows: RowShifts | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,6 +163,8 @@ class Track:
         rmse_px: root mean square distance of the inliers, in pixels of the reference.
         sigma_px: one-sigma uncertainty of `ref_H_cur`, RMS over the 9x9 grid of the frame, px.
         provisional: whether the frame was answered before static ground was decided.
+        rows: displacements of the frame's rows by a rolling shutter, to be added to pixels of the frame before
+            `ref_H_cur` maps them; None: none are seen. `covariance` then includes what the homography alone leaves.
     """
 
     state: State
@@ -173,6 +179,7 @@ class Track:
     rmse_px: float | None = None
     sigma_px: float | None = None
     provisional: bool = False
+    rows: RowShifts | None = None
 
     @property
     def tracked(self) -> bool:

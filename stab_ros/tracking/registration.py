@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stab_ros.core.geometry import is_plausible, sigma_px
+from stab_ros.core.row_shifts import RowShifts
 from stab_ros.core.types import Correspondences, Fit, FloatArray, Homography
 from stab_ros.estimation import estimators
+from stab_ros.estimation.rows import fit_rows
 from stab_ros.tracking.anchor_pose import AnchorPose
 from stab_ros.tracking.settings import StabilizerConfig
 
@@ -25,6 +27,16 @@ class Registration:
         config = self.config
         return estimators.fit(pairs, config.model, config.estimator, config.threshold, guess, trust,
                               config.ransac_threshold)
+
+    def solve_rows(self, pairs: Correspondences, guess: Homography, trust: FloatArray,
+                   rows: RowShifts | None, size: tuple[int, int]) -> Fit | None:
+        """As `solve`, with displacements of the rows, from `rows` on; None where held-out features do not confirm any.
+
+        size: width and height of the frame, px.
+        """
+        config = self.config
+        found = fit_rows(pairs, trust, config.model, config.threshold, guess, size, rows)
+        return found.fit if found is not None and found.holds else None
 
     def accepts(self, fit: Fit, pose: AnchorPose, expected: float, size: tuple[int, int]) -> bool:
         """Whether the camera can move so, enough features agree, and the uncertainty of this registration is small.

@@ -18,6 +18,7 @@ from stab_ros.tracking.frame_stamp import FrameStamp
 from stab_ros.tracking.ground_choice import Choice, Observations, choose_ground
 from stab_ros.tracking.planes import Plane, find_planes
 from stab_ros.tracking.reference import Reference
+from stab_ros.tracking.row_motion import without_rows
 from stab_ros.tracking.static_map import StaticMap
 
 _LEAST_FEATURES = 48  # with fewer there is nothing to choose between
@@ -53,7 +54,7 @@ class StartResult:
 
     frames: those that have no answer yet. ground_px: (n, 2) features of the ground in the reference. size: width,
     height of the reference, px. ambiguity: if another plane can be the ground as well. turned: whether an earlier
-    result took another plane for it. provisional: too little was seen to be certain.
+    result took another plane for it. provisional: too little was seen to be certain. rows_swing: by a rolling shutter.
     """
 
     frames: list[BufferedFrame]
@@ -63,6 +64,7 @@ class StartResult:
     size: tuple[int, int]
     turned: bool
     provisional: bool
+    rows_swing: bool
 
     def expected(self, ref_H_cur: Homography) -> float:
         """Number of ground features that a frame there should show."""
@@ -72,8 +74,13 @@ class StartResult:
 class StartBuffer:
     """Follows the features of the reference through the frames after it."""
 
-    def __init__(self, reference: Reference, allowed: BoolArray, start_ns: int, duration_ns: int) -> None:
-        """allowed: (h, w) bool, where ground can be. start_ns: time of the reference. duration_ns: from there on."""
+    def __init__(self, reference: Reference, allowed: BoolArray, start_ns: int, duration_ns: int,
+                 seek_rows: bool) -> None:
+        """allowed: (h, w) bool, where ground can be. start_ns: time of the reference. duration_ns: from there on.
+
+        seek_rows: whether rows may swing by a rolling shutter.
+        """
+        self._seek_rows = seek_rows
         self._size, self._start_ns, self._duration_ns = reference.frame.size, start_ns, duration_ns
         self._tracks = FeatureTracks(reference.gray, allowed)
         self._stamps: list[FrameStamp] = []
@@ -121,13 +128,14 @@ class StartBuffer:
         provisional: the start-up is not over; then any other plane counts as a competing hypothesis.
         """
         trajectories = self._tracks.trajectories()
-        choice = self._choice(trajectories, provisional)
+        straight = without_rows(trajectories, self._size) if self._seek_rows else None
+        choice = self._choice(trajectories if straight is None else straight, provisional)
         member, before = choice.ground.member, self._ground
         turned = before is not None and 2 * np.sum(member & before) < min(np.sum(member), np.sum(before))
         self._ground = member
         return StartResult(self._frames(choice.ground, trajectories), trajectories.reference_px[member],
                            self._map(choice.ground), self._ambiguity(choice), self._size, bool(turned),
-                           provisional or not self.enough)
+                           provisional or not self.enough, straight is not None)
 
     def _choice(self, trajectories: Trajectories, provisional: bool) -> Choice:
         planes = find_planes(trajectories)

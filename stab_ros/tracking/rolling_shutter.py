@@ -1,0 +1,65 @@
+"""Whether the rows of a stream's frames swing: asked of the last frames together, since one cannot tell.
+
+In a single frame a river across the picture, or a bank above the plane, looks much as rows do that have swung. Over
+frames they differ: such a shape grows and shrinks as the camera and the water move, but stays the same shape, while
+rows swing in waves whose phase changes from frame to frame.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from stab_ros.core.row_shifts import RowShifts
+from stab_ros.core.types import FloatArray, Homography
+from stab_ros.estimation.rows import RowResiduals, independent_share
+
+_FRAMES, _LEAST_FRAMES = 12, 5
+INDEPENDENT = 0.2  # share of the common variance that no single shape explains
+_PATIENCE = 100  # frames without swinging rows
+
+
+class RollingShutter:
+    """Of one reference, fed with every registered frame."""
+
+    def __init__(self) -> None:
+        self._last: deque[RowResiduals] = deque(maxlen=_FRAMES)
+        self._left = 0  # frames for which rows are still sought
+        self.most: RowShifts | None = None  # of the frame whose rows swung most
+
+    @property
+    def known(self) -> bool:
+        """Whether the rows of this stream swing, so that they are sought in every frame that shows something."""
+        return self._left > 0
+
+    def found(self) -> None:
+        """The rows of a frame swing, or those of the start-up do."""
+        self._left = _PATIENCE
+
+    def add(self, residuals: RowResiduals, rows: RowShifts | None) -> None:
+        """Takes a registered frame: its residuals by the homography alone, and the displacements, if any."""
+        self._last.append(residuals)
+        self._left = max(0, self._left - 1)
+        if rows is not None:
+            self.found()
+            self.most = rows if self.most is None or rows.most_px > self.most.most_px else self.most
+        elif not self.known and self._swings():
+            self.found()
+
+    def _swings(self) -> bool:
+        shown = [one.halves for one in self._last if one.show]
+        if len(shown) < _LEAST_FRAMES or not self._last[-1].show:
+            return False
+        one, other = (np.stack([halves[k].T for halves in shown]).reshape(-1, shown[0].shape[1]) for k in range(2))
+        return independent_share(one, other) > INDEPENDENT
+
+
+def with_rows(covariance: FloatArray, ref_H_cur: Homography, rows: RowShifts | None) -> FloatArray:
+    """Covariance (8, 8) of a homography, inflated by what it leaves of the rows: one sigma is their RMS."""
+    if rows is None:
+        return covariance
+    x, y = np.kron(np.eye(2), ref_H_cur[2]) @ np.eye(6, 8)
+    shared = rows.values.T @ rows.values / len(rows.values)
+    along = np.stack([x, y], axis=1)
+    return np.asarray(covariance + along @ shared @ along.T)
