@@ -15,7 +15,7 @@ their whole length, while relief, water and a lens differ from strip to strip.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -28,13 +28,17 @@ from stab_ros.estimation.covariance import make_fit
 from stab_ros.estimation.models import PARAMETERS, Basis
 from stab_ros.estimation.problem import MAGSAC, TRUSTED, EstimationProblem
 
-_INTERVALS = (6, 10, 16, 24, 36)  # of the spline; which of them is chosen by held-out features
-_START_INTERVALS = 16
+_INTERVALS = 36  # of the spline: three for each of the fastest waves
+_COUNT = _INTERVALS + 3  # of its coefficients
+_LENGTHS = (0.03, 0.05, 0.08, 0.13, 0.2)  # of smooth curves, in heights of the frame
+_CYCLES = tuple(0.5 * k for k in range(1, 21))  # of waves, down the frame
+_COHERENCE = (0.4, 1.2)  # length over which a wave keeps its phase, in heights of the frame
+_NUGGET = 1e-3  # of the variance: what no shape holds
+_START_SHAPES, _START_PX = (1, 1), 0.5
+_RMS_RANGE_PX = (0.03, 2.0)
+_DESIGN_EFFECT = 4.0  # the errors of neighbouring features are alike, so they say less than they claim
 _LIMITS_PX = (3.0, 3.0, 2.0, 1.0)  # inlier thresholds of the first passes, then that of the fit
-_PLANE_STEPS = 2
-_PRIOR_PX = 1.0  # standard deviation of a coefficient
 _FLOOR_SHARE = 0.2  # isotropic error added to each feature, as a share of the threshold; see `search`
-_BAND_SHARE = 0.1  # of the features of the fullest band: fewer weigh less than a band
 _STRIPS = 8
 _GAIN = 0.25  # of the squared residuals of held-out features, explained both ways
 _STRIP_SHARE = 0.75  # of the strips in which held-out features must be nearer with the rows
@@ -133,7 +137,42 @@ def fit_rows(pairs: Correspondences, trust: FloatArray, model: str, threshold_px
         return None
     joint = _Joint(pairs, trust, model, threshold_px, size)
     start = joint.started(guess) if rows is None else (guess, rows)
-    return None if start is None else joint.finished(*start, _INTERVALS if rows is None else (rows.intervals,))
+    return None if start is None else joint.finished(*start)
+
+
+@dataclass(frozen=True, eq=False)
+class _Prior:
+    """What is expected of the curves along x and along y: numbers of shapes, see `_shapes`, and (2,) RMS, px."""
+
+    shapes: tuple[int, int]
+    rms_px: FloatArray
+
+    @property
+    def precisions(self) -> FloatArray:
+        """(2, K, K) inverse covariances of the coefficients, 1/px^2."""
+        return np.asarray(_shapes().precision[list(self.shapes)] / self.rms_px[:, None, None] ** 2)
+
+
+@dataclass(frozen=True, eq=False)
+class _Shapes:
+    """S shapes of curves: inverse correlations (S, K, K) of the coefficients, and logarithms of their determinants."""
+
+    precision: FloatArray
+    log_determinant: FloatArray
+
+
+@cache
+def _shapes() -> _Shapes:
+    """Smooth curves of several lengths, and waves of several frequencies that keep their phase for some length.
+
+    Gaussian processes (Rasmussen and Williams 2006, eq. 4.9; with a cosine, eq. 4.14 of a narrow spectrum).
+    """
+    apart = np.subtract.outer(np.arange(_COUNT), np.arange(_COUNT)) / _INTERVALS
+    smooth = [np.exp(-(apart**2) / (2 * length**2)) for length in _LENGTHS]
+    waves = [np.exp(-(apart**2) / (2 * length**2)) * np.cos(2 * np.pi * cycles * apart)
+             for length in _COHERENCE for cycles in _CYCLES]
+    precision = np.linalg.inv(np.stack([*smooth, *waves]) + _NUGGET * np.eye(_COUNT))
+    return _Shapes(precision, np.linalg.slogdet(precision)[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,32 +184,30 @@ class _Equations:
     squares: FloatArray
     plane: int  # the first so many unknowns are those of the homography
 
-    @property
-    def unknowns(self) -> int:
-        return self.normal.shape[1]
+    def solved(self, strips: BoolArray, prior: _Prior) -> FloatArray | None:
+        """The unknowns by some of the strips, (S,) bool."""
+        found, out, _ = _solve(self.normal[strips].sum(axis=0), self.right[strips].sum(axis=0), prior.precisions,
+                               self.plane)
+        return out if found else None
 
-    def solved(self, strips: BoolArray, which: slice) -> FloatArray | None:
-        """The unknowns `which` by some of the strips, (S,) bool; the others are 0."""
-        out, prior = np.zeros(self.unknowns), np.full(self.unknowns, _PRIOR_PX**-2)
-        prior[: self.plane] = 0.0
-        normal = self.normal[strips].sum(axis=0)[which, which] + np.diag(prior[which])
-        found, out[which] = gn.solve(normal, self.right[strips].sum(axis=0)[which])
+    def evidence(self, prior: _Prior) -> float:
+        """Twice the logarithm of the marginal likelihood of all strips (Rasmussen and Williams 2006, eq. 5.8)."""
+        found, out, log_determinant = _solve(self.normal.sum(axis=0), self.right.sum(axis=0), prior.precisions,
+                                             self.plane)
+        curves = _shapes().log_determinant[list(prior.shapes)].sum() - 2 * _COUNT * np.log(prior.rms_px).sum()
+        return float(out @ self.right.sum(axis=0) - log_determinant + curves) if found else -np.inf
+
+    def flat(self, strips: BoolArray) -> FloatArray | None:
+        """The unknowns if the rows do not move."""
+        out, which = np.zeros(self.normal.shape[1]), slice(self.plane)
+        normal, right = self.normal[strips, which, which].sum(axis=0), self.right[strips, which].sum(axis=0)
+        found, out[which] = gn.solve(normal, right)
         return out if found else None
 
     def losses(self, unknowns: FloatArray) -> FloatArray:
         """(S,) squared residuals of each strip."""
         quadratic = (self.normal @ unknowns) @ unknowns
         return np.asarray(self.squares - 2 * self.right @ unknowns + quadratic)
-
-    def held_out(self, which: slice) -> FloatArray | None:
-        """(S,) squared residuals of each strip, with `which` fitted to the other half of the strips."""
-        losses = np.zeros(_STRIPS)
-        for half in (_ODD, ~_ODD):
-            unknowns = self.solved(half, which)
-            if unknowns is None:
-                return None
-            losses[~half] = self.losses(unknowns)[~half]
-        return losses
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,37 +233,44 @@ class _Joint:
         """A rough estimate, with limits that become narrower."""
         rows: RowShifts | None = None
         for limit_px in _LIMITS_PX:
-            equations = self._equations(H, self._weighted(H, rows, max(limit_px, self.threshold_px)), _START_INTERVALS)
-            unknowns = equations.solved(_EVERY, slice(None))
+            equations = self._equations(H, self._weighted(H, rows, max(limit_px, self.threshold_px)))
+            unknowns = equations.solved(_EVERY, _Prior(_START_SHAPES, np.full(2, _START_PX)))
             if unknowns is None:
                 return None
             H, rows = self._moved(H, unknowns)
         return None if rows is None else (H, rows)
 
-    def finished(self, H: Homography, rows: RowShifts, intervals: tuple[int, ...]) -> RowFit | None:
-        """The estimate with the number of intervals that held-out features favour."""
-        weights = self._weighted(H, rows, None)
-        judged = [self._judged(self._equations(H, weights, number)) for number in intervals]
-        best = max(range(len(judged)), key=lambda k: judged[k][0])
-        weights = self._plane_weights(weights, rows)
-        for _ in range(_PLANE_STEPS):
-            unknowns = self._equations(H, weights, intervals[best]).solved(_EVERY, slice(self._plane))
-            if unknowns is None:
-                return None
-            H, _ = self._moved(H, unknowns)
-        equations = self._equations(H, self._weighted(H, rows, None), intervals[best])
-        unknowns = equations.solved(_EVERY, slice(self._plane, None))
+    def finished(self, H: Homography, rows: RowShifts) -> RowFit | None:
+        """The estimate with the shapes that the features make most likely."""
+        equations = self._equations(H, self._weighted(H, rows, None))
+        prior = self._likeliest(equations, _Prior(_START_SHAPES, self._rms_px(rows)))
+        judged, unknowns = self._judged(equations, prior), equations.solved(_EVERY, prior)
         if unknowns is None:
             return None
-        _, rows = self._moved(H, unknowns)
-        fit = self._fit(H, rows)
-        return None if fit is None else RowFit(fit, *judged[best])
+        H, rows = self._moved(H, unknowns)
+        unknowns = self._equations(H, self._weighted(H, rows, None)).solved(_EVERY, prior)
+        fit = None if unknowns is None else self._fit(*self._moved(H, unknowns))
+        return None if fit is None else RowFit(fit, *judged)
 
-    def _judged(self, equations: _Equations) -> tuple[float, float]:
+    def _likeliest(self, equations: _Equations, prior: _Prior) -> _Prior:
+        """The prior with the most likely shape along x, then along y."""
+        number = range(len(_shapes().precision))
+        best = max((replace(prior, shapes=(k, prior.shapes[1])) for k in number), key=equations.evidence)
+        return max((replace(best, shapes=(best.shapes[0], k)) for k in number), key=equations.evidence)
+
+    def _rms_px(self, rows: RowShifts) -> FloatArray:
+        """(2,) RMS of the displacements at the trusted features."""
+        shown = rows.at(self.pairs.current_px[self.trust > TRUSTED, 1])
+        return np.asarray(np.clip(np.sqrt((shown**2).mean(axis=0)), *_RMS_RANGE_PX))
+
+    def _judged(self, equations: _Equations, prior: _Prior) -> tuple[float, float]:
         """Gain and share of the strips, see `RowFit`."""
-        with_rows, without = equations.held_out(slice(None)), equations.held_out(slice(self._plane))
-        if with_rows is None or without is None:
-            return -1.0, 0.0
+        with_rows, without = np.zeros(_STRIPS), np.zeros(_STRIPS)
+        for half in (_ODD, ~_ODD):
+            rows, flat = equations.solved(half, prior), equations.flat(half)
+            if rows is None or flat is None:
+                return -1.0, 0.0
+            with_rows[~half], without[~half] = equations.losses(rows)[~half], equations.losses(flat)[~half]
         gain = min(1 - with_rows[half].sum() / max(without[half].sum(), 1e-12) for half in (_ODD, ~_ODD))
         used = equations.squares > 0
         return float(gain), np.count_nonzero((with_rows < without)[used]) / max(np.count_nonzero(used), 1)
@@ -249,22 +293,14 @@ class _Joint:
         weight = gn.weights_of(ratios, MAGSAC.weight, MAGSAC.beyond) * self.trust
         return _Weights(weight, problem.noise_inflated(noise_px).pairs.information, ratios < 1)
 
-    def _plane_weights(self, weights: _Weights, rows: RowShifts) -> _Weights:
-        """Weights of the best plane: each row counts alike, since what rows leave is larger than a feature's noise."""
-        band = np.clip(self.pairs.current_px[:, 1] * (_BANDS / self.size[1]), 0, _BANDS - 1).astype(np.int64)
-        total = np.bincount(band, weights.weight, _BANDS)
-        balance = 1 / np.maximum(total, _BAND_SHARE * total.max())
-        noisy = EstimationProblem.of(replace(self.pairs, information=weights.information), self.trust, self.model,
-                                     self.threshold_px).noise_inflated(rows.rms_px)
-        return replace(weights, weight=weights.weight * balance[band], information=noisy.pairs.information)
-
-    def _equations(self, H: Homography, weights: _Weights, intervals: int) -> _Equations:
-        current, count = self.pairs.current_px, intervals + 3
-        first, spline = spline_weights(current[:, 1], count, self.size[1])
+    def _equations(self, H: Homography, weights: _Weights) -> _Equations:
+        current = self.pairs.current_px
+        first, spline = spline_weights(current[:, 1], _COUNT, self.size[1])
         strip = np.clip(current[:, 0] * (_STRIPS / self.size[0]), 0, _STRIPS - 1).astype(np.int64)
         normal, right, squares = _accumulate(
-            H, self.pairs.reference_px, current, weights.information, weights.weight, self._basis.centre,
-            self._basis.radius, self._plane, point_jacobian(H, current), first, spline, count, strip, _STRIPS)
+            H, self.pairs.reference_px, current, weights.information / _DESIGN_EFFECT, weights.weight,
+            self._basis.centre, self._basis.radius, self._plane, point_jacobian(H, current), first, spline, _COUNT,
+            strip, _STRIPS)
         return _Equations(normal, right, squares, self._plane)
 
     def _moved(self, H: Homography, unknowns: FloatArray) -> tuple[Homography, RowShifts]:
@@ -355,3 +391,37 @@ def _accumulate(H: Homography, reference: FloatArray, current: FloatArray, infor
             for b in range(a):
                 normal[s, b, a] = normal[s, a, b]
     return normal, right, squares
+
+
+@kernel((_TABLE, _ROW, _STACK, I64))
+def _solve(normal: FloatArray, right: FloatArray, precisions: FloatArray, plane: int) -> tuple[bool, FloatArray, float]:
+    """Solution (p,) by Cholesky decomposition with precisions (2, K, K) added, and the logarithm of the determinant.
+
+    False where it is singular.
+    """
+    p, count = len(right), precisions.shape[1]
+    lower, x, log_determinant = normal.copy(), right.copy(), 0.0
+    for d in range(2):
+        for i in range(count):
+            for k in range(count):
+                lower[plane + 2 * i + d, plane + 2 * k + d] += precisions[d, i, k]
+    for a in range(p):
+        for b in range(a + 1):
+            rest = lower[a, b]
+            for c in range(b):
+                rest -= lower[a, c] * lower[b, c]
+            if a != b:
+                lower[a, b] = rest / lower[b, b]
+            elif rest > 0:
+                lower[a, a] = np.sqrt(rest)
+                log_determinant += 2 * np.log(lower[a, a])
+            else:
+                return False, x, log_determinant
+        for c in range(a):
+            x[a] -= lower[a, c] * x[c]
+        x[a] /= lower[a, a]
+    for a in range(p - 1, -1, -1):
+        for c in range(a + 1, p):
+            x[a] -= lower[c, a] * x[c]
+        x[a] /= lower[a, a]
+    return True, x, log_determinant
