@@ -273,7 +273,7 @@ class _Joint:
             with_rows[~half], without[~half] = equations.losses(rows)[~half], equations.losses(flat)[~half]
         gain = min(1 - with_rows[half].sum() / max(without[half].sum(), 1e-12) for half in (_ODD, ~_ODD))
         used = equations.squares > 0
-        return float(gain), np.count_nonzero((with_rows < without)[used]) / max(np.count_nonzero(used), 1)
+        return float(gain), float(np.mean((with_rows < without)[used])) if used.any() else 0.0
 
     def _fit(self, H: Homography, rows: RowShifts) -> Fit | None:
         problem = EstimationProblem.of(straightened(self.pairs, rows), self.trust, self.model, self.threshold_px)

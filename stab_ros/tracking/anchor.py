@@ -26,7 +26,7 @@ Solve = Callable[[Correspondences, Homography, FloatArray], Fit | None]
 SolveRows = Callable[[Correspondences, Homography, FloatArray, RowShifts | None], Fit | None]
 
 _RIGHT_MATCHES = 0.5
-_ROW_PASSES = 3
+_ROW_PASSES = 2
 _MANY_FEATURES = 200  # enough to tell ground from water all over the image
 
 
@@ -93,18 +93,18 @@ class Anchor:
 
         Features are measured again where the rows have gone, from within a few px of `guess`.
         """
-        near, rows = self.pose.in_anchor(guess), None
-        for _ in range(_ROW_PASSES if isinstance(self._method, RowMethod) else 1):
-            pairs = self._found(gray, near, rows)
-            fit = solve(pairs, near, self.trust[pairs.feature_id], rows)
-            if fit is None:
-                return None
-            near, rows = fit.ref_H_cur, fit.rows
+        pairs = self._found(gray, self.pose.in_anchor(guess), None)
+        fit = solve(pairs, self.pose.in_anchor(guess), self.trust[pairs.feature_id], None)
+        for _ in range(_ROW_PASSES if isinstance(self._method, RowMethod) else 0):
+            if fit is not None:
+                pairs = self._found(gray, fit.ref_H_cur, fit.rows)
+                fit = solve(pairs, fit.ref_H_cur, self.trust[pairs.feature_id], fit.rows)
         transferred = self.pose.transferred(pairs)
-        if chain:
-            return transferred, self.pose.chained(fit)
-        placed = solve(transferred, self.pose.in_reference(near), self.trust[pairs.feature_id], rows)
-        return None if placed is None else (transferred, placed)
+        if fit is not None and not chain and transferred is not pairs:
+            fit = solve(transferred, self.pose.in_reference(fit.ref_H_cur), self.trust[pairs.feature_id], fit.rows)
+        elif fit is not None and chain:
+            fit = self.pose.chained(fit)
+        return None if fit is None else (transferred, fit)
 
     def _found(self, gray: Gray, near: Homography, rows: RowShifts | None) -> Correspondences:
         """Features near anchor_H_cur `near` and the rows, in px of the anchor."""

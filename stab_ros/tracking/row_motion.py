@@ -1,8 +1,8 @@
 """Rows that swing during the start-up: found in the trajectories before planes are, and taken out of them.
 
-Each feature may move steadily (water) or rest (ground). What the features of a row share beyond that, in one frame and
-not in the next, is the rolling shutter. What they share in all frames after the reference, from the first on, is that of
-the reference itself.
+Each feature may move steadily (water) or rest (ground). What the features of a row share beyond that, in one frame
+and not in the next, is the rolling shutter. What they share in all frames after the reference, from the first on, is
+that of the reference itself.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class _Bands:
         count = np.bincount(self.cell.ravel(), minlength=cells + 1)[:cells]
         sums = np.stack([np.bincount(self.cell.ravel(), off[..., d].ravel(), cells + 1)[:cells] for d in range(2)], -1)
         mean = (sums / np.maximum(count, 1)[:, None]).reshape(-1, 2, _BANDS, 2)
-        enough = (count.reshape(-1, 2, _BANDS) >= _LEAST_IN_BAND).all(axis=1)
+        enough = count.reshape(-1, 2, _BANDS).min(axis=1) >= _LEAST_IN_BAND
         return np.where(enough[:, None, :, None], mean, np.nan)
 
     def at_current(self, by_band: FloatArray) -> FloatArray:

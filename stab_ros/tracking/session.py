@@ -9,10 +9,8 @@ import numpy as np
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import sigma_px
-from stab_ros.core.row_shifts import RowShifts
-from stab_ros.core.types import BoolArray, Correspondences, Fit, FloatArray, Gray, Homography, State, Track
-from stab_ros.estimation.problem import TRUSTED
-from stab_ros.estimation.rows import RowResiduals, residuals_by_rows, straightened
+from stab_ros.core.types import Correspondences, Fit, FloatArray, Gray, Homography, State, Track
+from stab_ros.estimation.rows import straightened
 from stab_ros.tracking.anchor import Anchor, AnchorFactory
 from stab_ros.tracking.anchor_pose import AT_REFERENCE, AnchorPose
 from stab_ros.tracking.frame_stamp import FrameStamp
@@ -23,12 +21,12 @@ from stab_ros.tracking.parallax import Parallax
 from stab_ros.tracking.reference import Reference, is_textured
 from stab_ros.tracking.registration import Registration
 from stab_ros.tracking.rolling_shutter import RollingShutter, with_rows
+from stab_ros.tracking.row_registration import RowRegistration
 from stab_ros.tracking.settings import StabilizerConfig
 from stab_ros.tracking.start_buffer import BufferedFrame, StartBuffer, StartResult
 from stab_ros.tracking.static_map import StaticMap
 from stab_ros.tracking.strategies import Adjacent, Fixed, Strategy, Updated
 
-_MOSTLY = 0.7  # of the trusted features that were found
 _SINGLE = {"fixed": Fixed, "updated": Updated, "adjacent": Adjacent}  # the strategies that keep one anchor
 
 
@@ -80,8 +78,7 @@ class Session:
 
     def buffer(self, duration_ns: int, time_ns: int) -> bool:
         """Buffers the frames from here on, until it is known what is ground; whether there is anything to find out."""
-        seek_rows = self._registration.config.rolling_shutter == "auto"
-        start = StartBuffer(self.reference, self._factory.allowed, time_ns, duration_ns, seek_rows)
+        start = StartBuffer(self.reference, self._factory.allowed, time_ns, duration_ns, self._seeks_rows)
         self.ground.buffer = start if start.useful else None
         return start.useful
 
@@ -154,31 +151,17 @@ class Session:
 
     def _register(self, anchor: Anchor, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
         self.last_match = anchor.register(gray, guess, self._registration.solve, self._strategy.chains)
-        if self._rows_may_swing:
-            self.last_match = self._with_rows(anchor, gray, guess, *self.last_match)
+        if self._seeks_rows and self.rolling_shutter.known:
+            self.last_match = self._by_rows.improved(anchor, gray, guess, self.last_match, self._strategy.chains)
         return self.last_match
 
     @property
-    def _rows_may_swing(self) -> bool:
-        return self._registration.config.rolling_shutter == "auto" and self.rolling_shutter.known
+    def _seeks_rows(self) -> bool:
+        return self._registration.config.rolling_shutter == "auto"
 
-    def _with_rows(self, anchor: Anchor, gray: Gray, guess: Homography, pairs: Correspondences,
-                   fit: Fit | None) -> tuple[Correspondences, Fit | None]:
-        """A registration, or one with rows if these swing; from the guess too, as they may have spoilt the first."""
-        trust, chains = anchor.trust[pairs.feature_id], self._strategy.chains
-        if fit is not None and not self._residuals(pairs, trust, fit).show and _mostly(fit.inlier, trust):
-            return pairs, fit
-        found = [anchor.register_rows(gray, start, self._solve_rows, chains)
-                 for start in ([guess] if fit is None else [fit.ref_H_cur, guess])]
-        best = max((one for one in found if one is not None), key=lambda one: one[1].inlier.sum(), default=None)
-        return (pairs, fit) if best is None else best
-
-    def _residuals(self, pairs: Correspondences, trust: FloatArray, fit: Fit) -> RowResiduals:
-        return residuals_by_rows(pairs, trust, fit.ref_H_cur, self.reference.frame.size)
-
-    def _solve_rows(self, pairs: Correspondences, guess: Homography, trust: FloatArray,
-                    rows: RowShifts | None) -> Fit | None:
-        return self._registration.solve_rows(pairs, guess, trust, rows, self.reference.frame.size)
+    @property
+    def _by_rows(self) -> RowRegistration:
+        return RowRegistration(self._registration, self.reference.frame.size)
 
     def _accepts(self, fit: Fit, pose: AnchorPose, expected: float) -> bool:
         return self._registration.accepts(fit, pose, expected, self.reference.frame.size)
@@ -196,8 +179,8 @@ class Session:
         return track
 
     def _note_rows(self, pairs: Correspondences, trust: FloatArray, fit: Fit) -> None:
-        if self._registration.config.rolling_shutter == "auto":
-            self.rolling_shutter.add(self._residuals(pairs, trust, fit), fit.rows)
+        if self._seeks_rows:
+            self.rolling_shutter.add(self._by_rows.residuals(pairs, trust, fit), fit.rows)
 
     def _checked_by(self, other: Anchor, anchor: Anchor, gray: Gray, fit: Fit) -> Fit | None:
         """The same frame registered to another anchor, too; None if that is rejected."""
@@ -250,8 +233,8 @@ class Session:
 
     def _answer(self, frame: BufferedFrame, result: StartResult) -> Track:
         fit = self._registration.solve(frame.pairs, frame.guess, frame.trust)
-        if self._rows_may_swing:
-            fit = self._solve_rows(frame.pairs, frame.guess, frame.trust, None) or fit
+        if self._seeks_rows and self.rolling_shutter.known:
+            fit = self._by_rows.solve(frame.pairs, frame.guess, frame.trust) or fit
         if fit is not None:
             self._note_rows(frame.pairs, frame.trust, fit)
         self.last_match = frame.pairs, fit
@@ -259,9 +242,3 @@ class Session:
             return self._tracked(frame.stamp, frame.pairs, fit)
         self.motion = self.motion.standing()
         return self.lost(frame.stamp, len(frame.pairs))
-
-
-def _mostly(inlier: BoolArray, trust: FloatArray) -> bool:
-    """Whether most of the trusted features agree with a fit, (N,) bool."""
-    trusted = trust > TRUSTED
-    return bool(np.count_nonzero(inlier & trusted) >= _MOSTLY * np.count_nonzero(trusted))

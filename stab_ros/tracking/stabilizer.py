@@ -171,7 +171,7 @@ class Stabilizer:
         if H is None:
             return None
         camera, config = self._setup.preprocessing.camera, self._setup.config
-        return warp(frame.image, H, frame.size, config.interpolation, camera, config.window, allocate)
+        return warp(frame.image, H, frame.size, config.interpolation, camera, config.window, allocate, track.rows)
 
     def reset_reference(self) -> None:
         """Makes the next textured frame the reference."""
