@@ -64,6 +64,10 @@ class RowShifts:
         """Displacement (height, 2) of each row, px."""
         return self.at(np.arange(float(self.height)))
 
+    def differs_px(self, other: RowShifts) -> float:
+        """Largest distance from the displacements of another frame of this height, px."""
+        return float(np.hypot(*(self.values - other.values).T).max())
+
     @property
     def rms_px(self) -> float:
         """Root mean square length of the displacements, px."""

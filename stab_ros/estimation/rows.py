@@ -37,7 +37,7 @@ _NUGGET = 1e-3  # of the variance: what no shape holds
 _START_SHAPES, _START_PX = (1, 1), 0.5
 _RMS_RANGE_PX = (0.03, 2.0)
 _DESIGN_EFFECT = 4.0  # the errors of neighbouring features are alike, so they say less than they claim
-_LIMITS_PX = (3.0, 3.0, 2.0, 1.0)  # inlier thresholds of the first passes, then that of the fit
+_LIMITS_PX = (6.0, 4.0, 2.0, 1.0)  # inlier thresholds of the first passes, then that of the fit
 _FLOOR_SHARE = 0.2  # isotropic error added to each feature, as a share of the threshold; see `search`
 _STRIPS = 8
 _GAIN = 0.25  # of the squared residuals of held-out features, explained both ways
@@ -184,6 +184,12 @@ class _Equations:
     squares: FloatArray
     plane: int  # the first so many unknowns are those of the homography
 
+    @property
+    def total(self) -> _Equations:
+        """Those of all strips as of one."""
+        return replace(self, normal=self.normal.sum(axis=0, keepdims=True), right=self.right.sum(axis=0, keepdims=True),
+                       squares=self.squares.sum(axis=0, keepdims=True))
+
     def solved(self, strips: BoolArray, prior: _Prior) -> FloatArray | None:
         """The unknowns by some of the strips, (S,) bool."""
         found, out, _ = _solve(self.normal[strips].sum(axis=0), self.right[strips].sum(axis=0), prior.precisions,
@@ -254,9 +260,9 @@ class _Joint:
 
     def _likeliest(self, equations: _Equations, prior: _Prior) -> _Prior:
         """The prior with the most likely shape along x, then along y."""
-        number = range(len(_shapes().precision))
-        best = max((replace(prior, shapes=(k, prior.shapes[1])) for k in number), key=equations.evidence)
-        return max((replace(best, shapes=(best.shapes[0], k)) for k in number), key=equations.evidence)
+        number, total = range(len(_shapes().precision)), equations.total
+        best = max((replace(prior, shapes=(k, prior.shapes[1])) for k in number), key=total.evidence)
+        return max((replace(best, shapes=(best.shapes[0], k)) for k in number), key=total.evidence)
 
     def _rms_px(self, rows: RowShifts) -> FloatArray:
         """(2,) RMS of the displacements at the trusted features."""

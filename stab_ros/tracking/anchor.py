@@ -26,7 +26,7 @@ Solve = Callable[[Correspondences, Homography, FloatArray], Fit | None]
 SolveRows = Callable[[Correspondences, Homography, FloatArray, RowShifts | None], Fit | None]
 
 _RIGHT_MATCHES = 0.5
-_ROW_PASSES = 2
+_ROW_PASSES, _ROWS_CLOSE_PX = 6, 0.05
 _MANY_FEATURES = 200  # enough to tell ground from water all over the image
 
 
@@ -96,9 +96,12 @@ class Anchor:
         pairs = self._found(gray, self.pose.in_anchor(guess), None)
         fit = solve(pairs, self.pose.in_anchor(guess), self.trust[pairs.feature_id], None)
         for _ in range(_ROW_PASSES if isinstance(self._method, RowMethod) else 0):
-            if fit is not None:
-                pairs = self._found(gray, fit.ref_H_cur, fit.rows)
-                fit = solve(pairs, fit.ref_H_cur, self.trust[pairs.feature_id], fit.rows)
+            if fit is None or fit.rows is None:
+                break
+            before, pairs = fit.rows, self._found(gray, fit.ref_H_cur, fit.rows)
+            fit = solve(pairs, fit.ref_H_cur, self.trust[pairs.feature_id], before)
+            if fit is not None and fit.rows is not None and fit.rows.differs_px(before) < _ROWS_CLOSE_PX:
+                break
         transferred = self.pose.transferred(pairs)
         if fit is not None and not chain and transferred is not pairs:
             fit = solve(transferred, self.pose.in_reference(fit.ref_H_cur), self.trust[pairs.feature_id], fit.rows)

@@ -138,7 +138,7 @@ def _widened(trajectories: Trajectories, member: BoolArray, quarters: IdArray, l
         agrees = np.stack([_agreeing(trajectories, f, H, reach_px) for f, H in zip(quarters, fitted, strict=True)])
         member = left & agrees.all(axis=0)
     ref_H_cur = np.stack([_fitted(trajectories, f, member) for f in range(len(trajectories.shapes))])
-    return Plane(left & _persistent(trajectories, ref_H_cur, reach_px), ref_H_cur)
+    return Plane(left & persistent(trajectories, ref_H_cur, reach_px), ref_H_cur)
 
 
 def _reach_px(trajectories: Trajectories, frame: int, ref_H_cur: Homography, member: BoolArray) -> float:
@@ -162,7 +162,7 @@ def _agreeing(trajectories: Trajectories, frame: int, ref_H_cur: Homography, rea
     return np.asarray(trajectories.seen[frame] & close)
 
 
-def _persistent(trajectories: Trajectories, ref_H_cur: FloatArray, reach_px: float) -> BoolArray:
+def persistent(trajectories: Trajectories, ref_H_cur: FloatArray, reach_px: float) -> BoolArray:
     """(N,) bool: which features are seen in most of the frames and agree with the plane in nearly all of these."""
     known = np.flatnonzero(~np.isnan(ref_H_cur[:, 0, 0]))
     seen = trajectories.seen[known].sum(axis=0)

@@ -2,7 +2,8 @@
 
 Each feature may move steadily (water) or rest (ground). What the features of a row share beyond that, in one frame
 and not in the next, is the rolling shutter. What they share in all frames after the reference, from the first on, is
-that of the reference itself.
+that of the reference itself. Once a plane is known, its features alone tell how the rows lie, and which of the other
+features belong to it as well.
 """
 
 from __future__ import annotations
@@ -12,9 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stab_ros.core.geometry import apply
-from stab_ros.core.types import BoolArray, FloatArray, IdArray
-from stab_ros.estimation.rows import independent_share
+from stab_ros.core.row_shifts import RowShifts
+from stab_ros.core.types import BoolArray, Correspondences, FloatArray, IdArray
+from stab_ros.estimation import estimators
+from stab_ros.estimation.rows import RowFit, fit_rows, independent_share
 from stab_ros.tracking.feature_tracks import Trajectories
+from stab_ros.tracking.planes import Plane, persistent
 from stab_ros.tracking.rolling_shutter import INDEPENDENT
 
 _BANDS = 32
@@ -23,6 +27,10 @@ _LEAST_FRAMES, _SEEN = 8, 0.75
 _LEAST_IN_BAND, _LEAST_CELLS = 3, 0.3  # of the bands of all frames
 _STEADY_PX = 2.5  # RMS about a steady motion: the rest is foam and leaves
 _SWING_PX = 0.06  # RMS of what both halves of the strips show alike
+_THRESHOLD_PX = 0.6  # as of a plane
+_SHAPE_PX = 12.0
+_NOISE_PX = 0.1  # of a feature's place
+_REACH_PX = 0.6  # of a feature of the plane, once its rows are put back
 
 
 def without_rows(trajectories: Trajectories, size: tuple[int, int]) -> Trajectories | None:
@@ -30,19 +38,64 @@ def without_rows(trajectories: Trajectories, size: tuple[int, int]) -> Trajector
     frames = np.flatnonzero(trajectories.seen.any(axis=1))
     if len(frames) < _LEAST_FRAMES:
         return None
+    trajectories = replace(trajectories, shapes=_wide_shapes(trajectories))
     moved = np.stack([apply(trajectories.shapes[f], trajectories.current_px[f]) for f in frames])
     seen = trajectories.seen[frames]
     steady = _steady(moved - trajectories.reference_px, seen, frames)
     usable = seen & (seen.mean(axis=0) >= _SEEN) & (steady.scatter_px < _STEADY_PX)
-    bands = _Bands.of(trajectories, frames, usable, size)
-    swing = bands.means(steady.residual)
-    if not _swings(swing):
+    if not _swings(_band_means(trajectories, frames, usable, steady.residual, size)):
         return None
-    back = bands.at_current(swing.mean(axis=1)) + bands.at_reference(steady.intercept)
+    own = _rows_of(trajectories.reference_px, trajectories.reference_px + steady.intercept, usable.any(axis=0), size)
     current = trajectories.current_px.copy()
     for k, f in enumerate(frames.tolist()):
-        current[f] = apply(np.linalg.inv(trajectories.shapes[f]), moved[k] - back[k])
+        shape, expected = trajectories.shapes[f], moved[k] - steady.residual[k]
+        rows = _rows_of(apply(np.linalg.inv(shape), expected), current[f], usable[k], size)
+        back = moved[k] if rows is None else apply(shape, current[f] + rows.at(current[f][:, 1]))
+        back = back if own is None else back + own.at(trajectories.reference_px[:, 1])
+        current[f] = apply(np.linalg.inv(shape), back)
     return replace(trajectories, current_px=current)
+
+
+def _wide_shapes(trajectories: Trajectories) -> FloatArray:
+    """(F, 3, 3) rough ref_H_cur of each frame, fitted to rows that swing by more than those of `trajectories` allow."""
+    shapes = trajectories.shapes.copy()
+    for f in np.flatnonzero(trajectories.seen.any(axis=1)).tolist():
+        pairs = trajectories.pairs(f)
+        alike = replace(pairs, information=np.tile(np.eye(2), (len(pairs), 1, 1)))
+        found = estimators.refine(alike, "projective", _SHAPE_PX, shapes[f], np.ones(len(pairs)))
+        shapes[f] = shapes[f] if found is None else found
+    return shapes
+
+
+def regrown(plane: Plane, trajectories: Trajectories, size: tuple[int, int]) -> Plane:
+    """The plane with all features that move with it once the rows are put back. size: width and height, px."""
+    frames, fits = range(len(trajectories.shapes)), []
+    for f in frames:
+        pairs = trajectories.pairs(f)
+        guess = trajectories.shapes[f] if np.isnan(plane.ref_H_cur[f, 0, 0]) else plane.ref_H_cur[f]
+        fits.append(fit_rows(pairs, plane.member[pairs.feature_id].astype(float), "projective", _THRESHOLD_PX, guess,
+                             size))
+    current = np.stack([_straight(trajectories.current_px[f], fit) for f, fit in zip(frames, fits, strict=True)])
+    found = np.stack([np.full((3, 3), np.nan) if fit is None else fit.fit.ref_H_cur for fit in fits])
+    if np.isnan(found[:, 0, 0]).all():
+        return plane
+    member = persistent(replace(trajectories, current_px=current), found, _REACH_PX)
+    return Plane(member | plane.member, np.where(np.isnan(found), plane.ref_H_cur, found))
+
+
+def _straight(current_px: FloatArray, fit: RowFit | None) -> FloatArray:
+    rows = None if fit is None else fit.fit.rows
+    return current_px if rows is None else current_px + rows.at(current_px[:, 1])
+
+
+def _rows_of(reference_px: FloatArray, current_px: FloatArray, usable: BoolArray,
+             size: tuple[int, int]) -> RowShifts | None:
+    """Displacements of the rows of current_px (N, 2), whose usable features belong at reference_px but for a plane."""
+    which = np.flatnonzero(usable)
+    pairs = Correspondences(which, reference_px[which], current_px[which],
+                            np.tile(np.eye(2) / _NOISE_PX**2, (len(which), 1, 1)))
+    found = fit_rows(pairs, np.ones(len(which)), "projective", _THRESHOLD_PX, np.eye(3), size)
+    return found.fit.rows if found is not None and found.holds else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,64 +121,34 @@ def _steady(off: FloatArray, seen: BoolArray, frames: IdArray) -> _Steady:
     return _Steady(residual, mean_off - slope * mean_time[:, None], scatter_px)
 
 
-@dataclass(frozen=True, eq=False)
-class _Bands:
-    """cell: (F, N) int64, number of the frame, half of the strips and band; beyond the last where not usable.
-
-    current_y, reference_y: in bands, (F, N) and (N,).
-    """
-
-    cell: IdArray
-    usable: BoolArray
-    current_y: FloatArray
-    reference_y: FloatArray
-
-    @staticmethod
-    def of(trajectories: Trajectories, frames: IdArray, usable: BoolArray, size: tuple[int, int]) -> _Bands:
-        current_y = trajectories.current_px[frames, :, 1] * (_BANDS / size[1])
-        half = (trajectories.reference_px[:, 0] * (_STRIPS / size[0])).astype(int) % 2
-        band = np.clip(current_y, 0, _BANDS - 1).astype(np.int64)
-        cell = (np.arange(len(frames))[:, None] * 2 + half) * _BANDS + band
-        return _Bands(np.where(usable, cell, len(frames) * 2 * _BANDS), usable, current_y,
-                      trajectories.reference_px[:, 1] * (_BANDS / size[1]))
-
-    def means(self, off: FloatArray) -> FloatArray:
-        """(F, 2, bands, 2) means over frame, half and band of (F, N, 2); NaN where either half has too few."""
-        cells = len(self.cell) * 2 * _BANDS
-        count = np.bincount(self.cell.ravel(), minlength=cells + 1)[:cells]
-        sums = np.stack([np.bincount(self.cell.ravel(), off[..., d].ravel(), cells + 1)[:cells] for d in range(2)], -1)
-        mean = (sums / np.maximum(count, 1)[:, None]).reshape(-1, 2, _BANDS, 2)
-        enough = count.reshape(-1, 2, _BANDS).min(axis=1) >= _LEAST_IN_BAND
-        return np.where(enough[:, None, :, None], mean, np.nan)
-
-    def at_current(self, by_band: FloatArray) -> FloatArray:
-        """(F, N, 2) values at the features' rows in each frame of (F, bands, 2)."""
-        return np.stack([_interpolated(values, y) for values, y in zip(by_band, self.current_y, strict=True)])
-
-    def at_reference(self, off: FloatArray) -> FloatArray:
-        """(N, 2) means over bands of the reference of the usable features' (N, 2)."""
-        which = self.usable.any(axis=0)
-        band = np.clip(self.reference_y[which], 0, _BANDS - 1).astype(np.int64)
-        count = np.bincount(band, minlength=_BANDS)
-        sums = np.stack([np.bincount(band, off[which, d], _BANDS) for d in range(2)], axis=-1)
-        mean = np.where(count[:, None] >= _LEAST_IN_BAND, sums / np.maximum(count, 1)[:, None], np.nan)
-        return _interpolated(mean, self.reference_y)
-
-
-def _interpolated(by_band: FloatArray, y: FloatArray) -> FloatArray:
-    """(n, 2) linear between the centres of bands (bands, 2), of which some are NaN."""
-    known = np.flatnonzero(~np.isnan(by_band[:, 0]))
-    if not len(known):
-        return np.zeros((len(y), 2))
-    return np.stack([np.interp(y, known + 0.5, by_band[known, d]) for d in range(2)], axis=1)
+def _band_means(trajectories: Trajectories, frames: IdArray, usable: BoolArray, off_px: FloatArray,
+                size: tuple[int, int]) -> FloatArray:
+    """(F, 2, bands, 2) means of (F, N, 2) over bands of rows of both halves of the strips; NaN where these are few."""
+    half = (trajectories.reference_px[:, 0] * (_STRIPS / size[0])).astype(int) % 2
+    band = np.clip(trajectories.current_px[frames, :, 1] * (_BANDS / size[1]), 0, _BANDS - 1).astype(np.int64)
+    cells = len(frames) * 2 * _BANDS
+    cell = np.where(usable, (np.arange(len(frames))[:, None] * 2 + half) * _BANDS + band, cells).ravel()
+    count = np.bincount(cell, minlength=cells + 1)[:cells]
+    sums = np.stack([np.bincount(cell, off_px[..., d].ravel(), cells + 1)[:cells] for d in range(2)], axis=-1)
+    mean = (sums / np.maximum(count, 1)[:, None]).reshape(-1, 2, _BANDS, 2)
+    enough = count.reshape(-1, 2, _BANDS).min(axis=1) >= _LEAST_IN_BAND
+    return np.where(enough[:, None, :, None], mean, np.nan)
 
 
 def _swings(swing: FloatArray) -> bool:
-    """Whether both halves show the same, and more than one shape."""
+    """Whether both halves show the same, and more than one shape; what a plane can do is not counted."""
     known = ~np.isnan(swing[:, 0, :, 0])
     if known.mean() < _LEAST_CELLS:
         return False
-    halves = np.nan_to_num(swing)
+    halves = np.stack([_without_plane(one, which) for one, which in zip(swing, known, strict=True)])
     shared = (halves[:, 0] * halves[:, 1]).sum() / known.sum()
     one, other = (halves[:, k].transpose(0, 2, 1).reshape(-1, _BANDS) for k in range(2))
     return bool(shared > _SWING_PX**2) and independent_share(one, other) > INDEPENDENT
+
+
+def _without_plane(halves: FloatArray, known: BoolArray) -> FloatArray:
+    """(2, bands, 2) means of one frame without their common parabola, 0 where they are not known, (bands,) bool."""
+    y = np.linspace(-1, 1, _BANDS)
+    basis = np.stack([np.ones(_BANDS), y, y**2], axis=1) * known[:, None]
+    mean = np.nan_to_num(halves).mean(axis=0)
+    return np.asarray(np.nan_to_num(halves) - basis @ np.linalg.lstsq(basis, mean, rcond=None)[0])

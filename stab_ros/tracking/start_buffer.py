@@ -5,7 +5,7 @@ No images are kept, only the trajectory of each feature. Once the start-up is ov
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -18,7 +18,7 @@ from stab_ros.tracking.frame_stamp import FrameStamp
 from stab_ros.tracking.ground_choice import Choice, Observations, choose_ground
 from stab_ros.tracking.planes import Plane, find_planes
 from stab_ros.tracking.reference import Reference
-from stab_ros.tracking.row_motion import without_rows
+from stab_ros.tracking.row_motion import regrown, without_rows
 from stab_ros.tracking.static_map import StaticMap
 
 _LEAST_FEATURES = 48  # with fewer there is nothing to choose between
@@ -130,6 +130,8 @@ class StartBuffer:
         trajectories = self._tracks.trajectories()
         straight = without_rows(trajectories, self._size) if self._seek_rows else None
         choice = self._choice(trajectories if straight is None else straight, provisional)
+        if straight is not None:
+            choice = replace(choice, ground=regrown(choice.ground, trajectories, self._size))
         member, before = choice.ground.member, self._ground
         turned = before is not None and 2 * np.sum(member & before) < min(np.sum(member), np.sum(before))
         self._ground = member
