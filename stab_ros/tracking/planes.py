@@ -19,7 +19,7 @@ from stab_ros.estimation import estimators
 from stab_ros.estimation.problem import own_noise, strongest
 from stab_ros.tracking.feature_tracks import Trajectories
 
-_THRESHOLD_PX = 0.6
+THRESHOLD_PX = 0.6
 _OCTAVES = 3  # samples are ranked by the threshold, its half and its quarter: two planes must not pass for one
 _SCATTERS = 4.0  # the features of a plane lie within so many times their median distance from it
 _QUARTERS = 4
@@ -50,8 +50,11 @@ class Plane:
         return np.asarray(self.ref_H_cur[np.flatnonzero(~np.isnan(self.ref_H_cur[:, 0, 0]))[-1]])
 
 
-def find_planes(trajectories: Trajectories) -> list[Plane]:
-    """The planes that the features move with, the largest first; none where too few features were followed."""
+def find_planes(trajectories: Trajectories, threshold_px: float = THRESHOLD_PX) -> list[Plane]:
+    """The planes that the features move with, the largest first; none where too few features were followed.
+
+    threshold_px: largest residual of a feature without noise.
+    """
     quarters = _quarter_frames(trajectories)
     if not len(quarters):
         return []
@@ -59,7 +62,8 @@ def find_planes(trajectories: Trajectories) -> list[Plane]:
     planes: list[Plane] = []
     least = max(_LEAST_FEATURES, int(_LEAST_SHARE * len(left)))
     while left.sum() >= least and len(planes) < _MOST_PLANES:
-        plane = _widened(trajectories, _largest(trajectories, quarters, left), quarters, left)
+        largest = _largest(trajectories, quarters, left, threshold_px)
+        plane = _widened(trajectories, largest, quarters, left, threshold_px)
         if plane is None or len(plane) < least:
             break
         planes.append(plane)
@@ -74,16 +78,16 @@ def _quarter_frames(trajectories: Trajectories) -> IdArray:
     return np.unique(followed[np.clip(np.round(at).astype(int), 0, None)]) if len(followed) else followed
 
 
-def _largest(trajectories: Trajectories, quarters: IdArray, left: BoolArray) -> BoolArray:
+def _largest(trajectories: Trajectories, quarters: IdArray, left: BoolArray, threshold_px: float) -> BoolArray:
     """(N,) bool: the largest group of `left` that agrees with the similarity of two features in all four frames."""
     which = np.flatnonzero(left)
     start = trajectories.reference_px[which]
     moved = np.stack([apply(trajectories.shapes[f], trajectories.current_px[f, which]) for f in quarters])
     noise = np.stack([noises(trajectories.information[f, which]) for f in quarters])
     samples = np.random.default_rng(_SEED).integers(0, len(which), (_SAMPLES, 2))
-    best = _best_sample(samples, start, moved, noise, _THRESHOLD_PX, _OCTAVES)
+    best = _best_sample(samples, start, moved, noise, threshold_px, _OCTAVES)
     member = np.zeros(len(left), bool)
-    member[which] = _excess(samples[best, 0], samples[best, 1], start, moved, noise) < _THRESHOLD_PX**2
+    member[which] = _excess(samples[best, 0], samples[best, 1], start, moved, noise) < threshold_px**2
     return member
 
 
@@ -127,31 +131,34 @@ def _best_sample(samples: IdArray, start: FloatArray, moved: FloatArray, noise: 
     return best
 
 
-def _widened(trajectories: Trajectories, member: BoolArray, quarters: IdArray, left: BoolArray) -> Plane | None:
+def _widened(trajectories: Trajectories, member: BoolArray, quarters: IdArray, left: BoolArray,
+             threshold_px: float) -> Plane | None:
     """The plane that the members lie on, with all that is `left` and agrees, and its homography in every frame."""
-    reach_px = _THRESHOLD_PX
+    reach_px = threshold_px
     for _ in range(_WIDENING):
-        fitted = np.stack([_fitted(trajectories, f, member) for f in quarters])
+        fitted = np.stack([_fitted(trajectories, f, member, threshold_px) for f in quarters])
         if np.isnan(fitted).any():
             return None
-        reach_px = max(_reach_px(trajectories, f, H, member) for f, H in zip(quarters, fitted, strict=True))
+        reach_px = max(_reach_px(trajectories, f, H, member, threshold_px)
+                       for f, H in zip(quarters, fitted, strict=True))
         agrees = np.stack([_agreeing(trajectories, f, H, reach_px) for f, H in zip(quarters, fitted, strict=True)])
         member = left & agrees.all(axis=0)
-    ref_H_cur = np.stack([_fitted(trajectories, f, member) for f in range(len(trajectories.shapes))])
+    ref_H_cur = np.stack([_fitted(trajectories, f, member, threshold_px) for f in range(len(trajectories.shapes))])
     return Plane(left & persistent(trajectories, ref_H_cur, reach_px), ref_H_cur)
 
 
-def _reach_px(trajectories: Trajectories, frame: int, ref_H_cur: Homography, member: BoolArray) -> float:
+def _reach_px(trajectories: Trajectories, frame: int, ref_H_cur: Homography, member: BoolArray,
+              threshold_px: float) -> float:
     """Largest residual of a feature without noise: by the scatter of the members, at most the threshold."""
     off = apply(ref_H_cur, trajectories.current_px[frame, member]) - trajectories.reference_px[member]
     scatter_px = float(np.median(np.hypot(*off.T))) if len(off) else 0.0
-    return min(max(_SCATTERS * scatter_px, _THRESHOLD_PX * 0.5 ** (_OCTAVES - 1)), _THRESHOLD_PX)
+    return min(max(_SCATTERS * scatter_px, threshold_px * 0.5 ** (_OCTAVES - 1)), threshold_px)
 
 
-def _fitted(trajectories: Trajectories, frame: int, member: BoolArray) -> Homography:
+def _fitted(trajectories: Trajectories, frame: int, member: BoolArray, threshold_px: float) -> Homography:
     """ref_H_cur of one frame by the members; NaN where they do not determine it."""
     pairs = trajectories.pairs(frame, member)
-    found = estimators.refine(pairs, "projective", _THRESHOLD_PX, trajectories.shapes[frame], np.ones(len(pairs)))
+    found = estimators.refine(pairs, "projective", threshold_px, trajectories.shapes[frame], np.ones(len(pairs)))
     return np.full((3, 3), np.nan) if found is None else found
 
 

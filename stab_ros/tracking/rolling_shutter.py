@@ -16,7 +16,7 @@ from stab_ros.core.types import FloatArray, Homography
 from stab_ros.estimation.rows import RowResiduals, independent_share
 
 _FRAMES, _LEAST_FRAMES = 12, 5
-INDEPENDENT = 0.2  # share of the common variance that no single shape explains
+_INDEPENDENT = 0.2  # share of the common variance that no single shape explains
 _PATIENCE = 100  # frames without swinging rows
 
 
@@ -52,7 +52,7 @@ class RollingShutter:
         if len(shown) < _LEAST_FRAMES or not self._last[-1].show:
             return False
         one, other = (np.stack([halves[k].T for halves in shown]).reshape(-1, shown[0].shape[1]) for k in range(2))
-        return independent_share(one, other) > INDEPENDENT
+        return independent_share(one, other) > _INDEPENDENT
 
 
 def with_rows(covariance: FloatArray, ref_H_cur: Homography, rows: RowShifts | None) -> FloatArray:

@@ -18,22 +18,29 @@ from stab_ros.core.types import BoolArray, Correspondences, FloatArray, IdArray
 from stab_ros.estimation import estimators
 from stab_ros.estimation.rows import RowFit, fit_rows, independent_share
 from stab_ros.tracking.feature_tracks import Trajectories
-from stab_ros.tracking.planes import Plane, persistent
-from stab_ros.tracking.rolling_shutter import INDEPENDENT
+from stab_ros.tracking.planes import THRESHOLD_PX, Plane, persistent
 
 _BANDS = 32
 _STRIPS = 8
 _LEAST_FRAMES, _SEEN = 8, 0.75
 _LEAST_IN_BAND, _LEAST_CELLS = 3, 0.3  # of the bands of all frames
 _STEADY_PX = 2.5  # RMS about a steady motion: the rest is foam and leaves
-_SWING_PX = 0.06  # RMS of what both halves of the strips show alike
-_THRESHOLD_PX = 0.6  # as of a plane
+_SWING_PX = 0.06  # RMS of what both halves of the strips show alike and no single shape explains
+_INDEPENDENT = 0.12  # share of that
 _SHAPE_PX = 12.0
+_LEFT_SHARE = 0.5  # of the swing, that looks like a steady motion over so few frames
 _NOISE_PX = 0.1  # of a feature's place
-_REACH_PX = 0.6  # of a feature of the plane, once its rows are put back
 
 
-def without_rows(trajectories: Trajectories, size: tuple[int, int]) -> Trajectories | None:
+@dataclass(frozen=True, eq=False)
+class Straightened:
+    """Trajectories with the rows put back. threshold_px: for planes, since a part of the swing is left in them."""
+
+    trajectories: Trajectories
+    threshold_px: float
+
+
+def without_rows(trajectories: Trajectories, size: tuple[int, int]) -> Straightened | None:
     """The trajectories with the rows put back; None: no rows swing. size: width and height, px."""
     frames = np.flatnonzero(trajectories.seen.any(axis=1))
     if len(frames) < _LEAST_FRAMES:
@@ -53,7 +60,8 @@ def without_rows(trajectories: Trajectories, size: tuple[int, int]) -> Trajector
         back = moved[k] if rows is None else apply(shape, current[f] + rows.at(current[f][:, 1]))
         back = back if own is None else back + own.at(trajectories.reference_px[:, 1])
         current[f] = apply(np.linalg.inv(shape), back)
-    return replace(trajectories, current_px=current)
+    swing_px = float(np.sqrt(np.mean(np.sum((current - trajectories.current_px)[frames] ** 2, axis=-1))))
+    return Straightened(replace(trajectories, current_px=current), THRESHOLD_PX + _LEFT_SHARE * swing_px)
 
 
 def _wide_shapes(trajectories: Trajectories) -> FloatArray:
@@ -73,13 +81,13 @@ def regrown(plane: Plane, trajectories: Trajectories, size: tuple[int, int]) -> 
     for f in frames:
         pairs = trajectories.pairs(f)
         guess = trajectories.shapes[f] if np.isnan(plane.ref_H_cur[f, 0, 0]) else plane.ref_H_cur[f]
-        fits.append(fit_rows(pairs, plane.member[pairs.feature_id].astype(float), "projective", _THRESHOLD_PX, guess,
+        fits.append(fit_rows(pairs, plane.member[pairs.feature_id].astype(float), "projective", THRESHOLD_PX, guess,
                              size))
     current = np.stack([_straight(trajectories.current_px[f], fit) for f, fit in zip(frames, fits, strict=True)])
     found = np.stack([np.full((3, 3), np.nan) if fit is None else fit.fit.ref_H_cur for fit in fits])
     if np.isnan(found[:, 0, 0]).all():
         return plane
-    member = persistent(replace(trajectories, current_px=current), found, _REACH_PX)
+    member = persistent(replace(trajectories, current_px=current), found, THRESHOLD_PX)
     return Plane(member | plane.member, np.where(np.isnan(found), plane.ref_H_cur, found))
 
 
@@ -94,7 +102,7 @@ def _rows_of(reference_px: FloatArray, current_px: FloatArray, usable: BoolArray
     which = np.flatnonzero(usable)
     pairs = Correspondences(which, reference_px[which], current_px[which],
                             np.tile(np.eye(2) / _NOISE_PX**2, (len(which), 1, 1)))
-    found = fit_rows(pairs, np.ones(len(which)), "projective", _THRESHOLD_PX, np.eye(3), size)
+    found = fit_rows(pairs, np.ones(len(which)), "projective", THRESHOLD_PX, np.eye(3), size)
     return found.fit.rows if found is not None and found.holds else None
 
 
@@ -143,12 +151,13 @@ def _swings(swing: FloatArray) -> bool:
     halves = np.stack([_without_plane(one, which) for one, which in zip(swing, known, strict=True)])
     shared = (halves[:, 0] * halves[:, 1]).sum() / known.sum()
     one, other = (halves[:, k].transpose(0, 2, 1).reshape(-1, _BANDS) for k in range(2))
-    return bool(shared > _SWING_PX**2) and independent_share(one, other) > INDEPENDENT
+    independent = independent_share(one, other) if shared > 0 else 0.0
+    return independent > _INDEPENDENT and bool(shared * independent > _SWING_PX**2)
 
 
 def _without_plane(halves: FloatArray, known: BoolArray) -> FloatArray:
-    """(2, bands, 2) means of one frame without their common parabola, 0 where they are not known, (bands,) bool."""
+    """(2, bands, 2) means of one frame without their common slope, 0 where they are not known, (bands,) bool."""
     y = np.linspace(-1, 1, _BANDS)
-    basis = np.stack([np.ones(_BANDS), y, y**2], axis=1) * known[:, None]
+    basis = np.stack([np.ones(_BANDS), y], axis=1) * known[:, None]
     mean = np.nan_to_num(halves).mean(axis=0)
     return np.asarray(np.nan_to_num(halves) - basis @ np.linalg.lstsq(basis, mean, rcond=None)[0])

@@ -16,9 +16,9 @@ from stab_ros.tracking.ambiguity import Ambiguity
 from stab_ros.tracking.feature_tracks import FeatureTracks, Trajectories
 from stab_ros.tracking.frame_stamp import FrameStamp
 from stab_ros.tracking.ground_choice import Choice, Observations, choose_ground
-from stab_ros.tracking.planes import Plane, find_planes
+from stab_ros.tracking.planes import THRESHOLD_PX, Plane, find_planes
 from stab_ros.tracking.reference import Reference
-from stab_ros.tracking.row_motion import regrown, without_rows
+from stab_ros.tracking.row_motion import Straightened, regrown, without_rows
 from stab_ros.tracking.static_map import StaticMap
 
 _LEAST_FEATURES = 48  # with fewer there is nothing to choose between
@@ -129,7 +129,7 @@ class StartBuffer:
         """
         trajectories = self._tracks.trajectories()
         straight = without_rows(trajectories, self._size) if self._seek_rows else None
-        choice = self._choice(trajectories if straight is None else straight, provisional)
+        choice = self._choice(straight or Straightened(trajectories, THRESHOLD_PX), provisional)
         if straight is not None:
             choice = replace(choice, ground=regrown(choice.ground, trajectories, self._size))
         member, before = choice.ground.member, self._ground
@@ -139,8 +139,9 @@ class StartBuffer:
                            self._map(choice.ground), self._ambiguity(choice), self._size, bool(turned),
                            provisional or not self.enough, straight is not None)
 
-    def _choice(self, trajectories: Trajectories, provisional: bool) -> Choice:
-        planes = find_planes(trajectories)
+    def _choice(self, straight: Straightened, provisional: bool) -> Choice:
+        trajectories = straight.trajectories
+        planes = find_planes(trajectories, straight.threshold_px)
         if not planes:
             return Choice(Plane(np.ones(len(trajectories.reference_px), bool), trajectories.shapes))
         elapsed_s = (np.array([stamp.time_ns for stamp in self._stamps]) - self._start_ns) / 1e9
