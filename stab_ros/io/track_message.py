@@ -16,6 +16,8 @@ _WHOLE = Window()
 def track_cdr(track: Track, header: Header, window: Window = _WHOLE) -> bytes:
     """DiagnosticArray with one status for the frame; values that are unknown while LOST are empty strings.
 
+    `rows_px` is the RMS of the displacements of the rows by a rolling shutter, empty where none are seen.
+
     window: the part of the reference that `image_stabilized` shows.
     """
     values = {
@@ -30,6 +32,7 @@ def track_cdr(track: Track, header: Header, window: Window = _WHOLE) -> bytes:
         "offset": " ".join(f"{offset_px:.12g}" for offset_px in window.offset),
         "scale": f"{window.scale:.12g}",
         "provisional": str(track.provisional).lower(),
+        "rows_px": number(None if track.rows is None else track.rows.rms_px),
     }
     level = OK if track.tracked else WARN
     return status_cdr(header, "track", header.frame_id, level, track.state.value, values)

@@ -8,6 +8,7 @@ rows swing in waves whose phase changes from frame to frame.
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,7 +18,16 @@ from stab_ros.estimation.rows import RowResiduals, independent_share
 
 _FRAMES, _LEAST_FRAMES = 12, 5
 _INDEPENDENT = 0.2  # share of the common variance that no single shape explains
+_TOLD_FRAMES = 3
 _PATIENCE = 100  # frames without swinging rows
+
+
+@dataclass(frozen=True)
+class Swing:
+    """frames: number of frames whose rows swung. most_px: the largest displacement of a row in any of them."""
+
+    frames: int
+    most_px: float
 
 
 class RollingShutter:
@@ -26,12 +36,17 @@ class RollingShutter:
     def __init__(self) -> None:
         self._last: deque[RowResiduals] = deque(maxlen=_FRAMES)
         self._left = 0  # frames for which rows are still sought
-        self.most: RowShifts | None = None  # of the frame whose rows swung most
+        self._swing = Swing(0, 0.0)
 
     @property
     def known(self) -> bool:
         """Whether the rows of this stream swing, so that they are sought in every frame that shows something."""
         return self._left > 0
+
+    @property
+    def swing(self) -> Swing | None:
+        """What has been seen so far, if it is enough to be told."""
+        return self._swing if self._swing.frames >= _TOLD_FRAMES else None
 
     def found(self) -> None:
         """The rows of a frame swing, or those of the start-up do."""
@@ -43,7 +58,7 @@ class RollingShutter:
         self._left = max(0, self._left - 1)
         if rows is not None:
             self.found()
-            self.most = rows if self.most is None or rows.most_px > self.most.most_px else self.most
+            self._swing = Swing(self._swing.frames + 1, max(self._swing.most_px, rows.most_px))
         elif not self.known and self._swings():
             self.found()
 

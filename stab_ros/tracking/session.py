@@ -27,6 +27,7 @@ from stab_ros.tracking.start_buffer import BufferedFrame, StartBuffer, StartResu
 from stab_ros.tracking.static_map import StaticMap
 from stab_ros.tracking.strategies import Adjacent, Fixed, Strategy, Updated
 
+_SPARED_SHARE = 0.5  # of the trusted features of an anchor
 _SINGLE = {"fixed": Fixed, "updated": Updated, "adjacent": Adjacent}  # the strategies that keep one anchor
 
 
@@ -183,7 +184,9 @@ class Session:
             self.rolling_shutter.add(self._by_rows.residuals(pairs, trust, fit), fit.rows)
 
     def _checked_by(self, other: Anchor, anchor: Anchor, gray: Gray, fit: Fit) -> Fit | None:
-        """The same frame registered to another anchor, too; None if that is rejected."""
+        """The same frame registered to another anchor, too; None if that is rejected, or its rows have swung."""
+        if fit.rows is not None:
+            return None
         _, seen = other.register(gray, fit.ref_H_cur, self._registration.solve, chain=False)
         return seen if seen is not None and self._accepts(seen, anchor.pose, 0.0) else None
 
@@ -199,11 +202,15 @@ class Session:
                      sigma_px(fit.ref_H_cur, covariance, size), rows=fit.rows)
 
     def _extend(self, gray: Gray, fit: Fit) -> None:
-        """Makes the frame just registered an anchor if the strategy wants that and it has enough features."""
+        """Makes the frame just registered an anchor if the strategy wants that and it has enough features.
+
+        One whose rows have swung would pass that on, so the old anchor serves as long as enough of it is in view.
+        """
         config, old = self._registration.config, self._strategy.anchor
-        if not self._strategy.wants_anchor(fit.ref_H_cur, config):
+        wanted = self._strategy.wants_anchor(fit.ref_H_cur, config)
+        if not wanted or (fit.rows is not None and old.share_in_view(fit.ref_H_cur) > _SPARED_SHARE):
             return
-        pose = AnchorPose(fit.ref_H_cur, old.pose.accumulated(fit, old.size))
+        pose = AnchorPose(fit.ref_H_cur, with_rows(old.pose.accumulated(fit, old.size), fit.ref_H_cur, fit.rows))
         anchor = self._factory.at(gray.copy(), pose)
         if len(anchor.features_px) >= config.min_inliers:
             anchor.inherit_weights(old, self.ground.prior)
