@@ -40,16 +40,16 @@ _DESIGN_EFFECT = 4.0  # the errors of neighbouring features are alike, so they s
 _LIMITS_PX = (6.0, 4.0, 2.0, 1.0)  # inlier thresholds of the first passes, then that of the fit
 _FLOOR_SHARE = 0.2  # isotropic error added to each feature, as a share of the threshold; see `search`
 _STRIPS = 8
-_GAIN = 0.25  # of the squared residuals of held-out features, explained both ways
+_GAIN = 0.1  # of the squared residuals of held-out features, explained both ways
 _STRIP_SHARE = 0.75  # of the strips in which held-out features must be nearer with the rows
-_LEAST_RMS_PX, _MOST_PX = 0.04, 6.0
+_LEAST_RMS_PX, _MOST_PX = 0.02, 6.0
 _LEAST_FEATURES = 48
 _EVERY, _ODD = np.ones(_STRIPS, bool), np.arange(_STRIPS) % 2 == 1
 
 _BANDS = 32  # of rows
 _REACH_PX = 2.5  # what is off by more does not count in the first look
 _LEAST_IN_BAND, _LEAST_BANDS = 3, 8
-_LOOK_PX = 0.04  # RMS of what both halves show alike
+_LOOK_PX, _HINT_PX = 0.04, 0.02  # RMS of what both halves show alike
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +91,11 @@ class RowResiduals:
         """Whether both halves show something, and the same."""
         return self.shared > _LOOK_PX**2
 
+    @property
+    def hint(self) -> bool:
+        """Whether there may be something, where rows are known to swing."""
+        return self.shared > _HINT_PX**2
+
 
 def straightened(pairs: Correspondences, rows: RowShifts | None) -> Correspondences:
     """The correspondences with the current frame's rows put back to where they belong."""
@@ -109,15 +114,32 @@ def residuals_by_rows(pairs: Correspondences, trust: FloatArray, H: Homography, 
 
 
 def independent_share(one: FloatArray, other: FloatArray) -> float:
-    """Share of the common variance of two measurements (n, bands) of n curves that no single shape explains.
+    """Share of the common variance of two measurements of curves over F frames that no single shape explains.
 
     Relief shows one shape, larger or smaller as the camera moves, and water one that grows; rows that swing show waves
-    of any phase. The curves are taken from their mean. 0 where the measurements have nothing in common.
+    of any phase. 0 where the measurements have nothing in common.
+
+    Args:
+        one: (F, bands, 2), along x and along y.
+        other: the same, with independent errors.
     """
+    one, other = (each.transpose(0, 2, 1).reshape(-1, each.shape[1]) for each in (one, other))
     one, other = one - one.mean(axis=0), other - other.mean(axis=0)
     common = one.T @ other
     values = np.linalg.eigvalsh((common + common.T) / 2)
     return float(1 - values[-1] / values.sum()) if values.sum() > 0 else 0.0
+
+
+def changing_share(one: FloatArray, other: FloatArray) -> float:
+    """Variance of the change from frame to frame over that of two curves that have nothing to do with each other.
+
+    1 for curves that are new in every frame, near 0 for those of relief under a camera that moves smoothly. Arguments
+    as for `independent_share`.
+    """
+    one, other = one - one.mean(axis=0), other - other.mean(axis=0)
+    variance = float(np.mean(one * other))
+    change = float(np.mean(np.diff(one, axis=0) * np.diff(other, axis=0)))
+    return change / (2 * variance) if variance > 0 else 0.0
 
 
 def fit_rows(pairs: Correspondences, trust: FloatArray, model: str, threshold_px: float, guess: Homography,

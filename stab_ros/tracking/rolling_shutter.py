@@ -14,10 +14,11 @@ import numpy as np
 
 from stab_ros.core.row_shifts import RowShifts
 from stab_ros.core.types import FloatArray, Homography
-from stab_ros.estimation.rows import RowResiduals, independent_share
+from stab_ros.estimation.rows import RowResiduals, changing_share, independent_share
 
 _FRAMES, _LEAST_FRAMES = 12, 5
 _INDEPENDENT = 0.2  # share of the common variance that no single shape explains
+_CHANGING = 0.6  # of what unrelated frames would change
 _TOLD_FRAMES = 3
 _PATIENCE = 100  # frames without swinging rows
 
@@ -63,11 +64,10 @@ class RollingShutter:
             self.found()
 
     def _swings(self) -> bool:
-        shown = [one.halves for one in self._last if one.show]
-        if len(shown) < _LEAST_FRAMES or not self._last[-1].show:
+        if sum(residuals.show for residuals in self._last) < _LEAST_FRAMES or not self._last[-1].show:
             return False
-        one, other = (np.stack([halves[k].T for halves in shown]).reshape(-1, shown[0].shape[1]) for k in range(2))
-        return independent_share(one, other) > _INDEPENDENT
+        one, other = np.stack([residuals.halves for residuals in self._last], axis=1)
+        return independent_share(one, other) > _INDEPENDENT and changing_share(one, other) > _CHANGING
 
 
 def with_rows(covariance: FloatArray, ref_H_cur: Homography, rows: RowShifts | None) -> FloatArray:

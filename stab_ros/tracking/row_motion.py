@@ -16,7 +16,7 @@ from stab_ros.core.geometry import apply
 from stab_ros.core.row_shifts import RowShifts
 from stab_ros.core.types import BoolArray, Correspondences, FloatArray, IdArray
 from stab_ros.estimation import estimators
-from stab_ros.estimation.rows import RowFit, fit_rows, independent_share
+from stab_ros.estimation.rows import RowFit, changing_share, fit_rows, independent_share
 from stab_ros.tracking.feature_tracks import Trajectories
 from stab_ros.tracking.planes import THRESHOLD_PX, Plane, persistent
 
@@ -27,6 +27,7 @@ _LEAST_IN_BAND, _LEAST_CELLS = 3, 0.3  # of the bands of all frames
 _STEADY_PX = 2.5  # RMS about a steady motion: the rest is foam and leaves
 _SWING_PX = 0.06  # RMS of what both halves of the strips show alike and no single shape explains
 _INDEPENDENT = 0.12  # share of that
+_CHANGING = 0.5  # from frame to frame, of what unrelated frames would change
 _SHAPE_PX = 12.0
 _LEFT_SHARE = 0.5  # of the swing, that looks like a steady motion over so few frames
 _NOISE_PX = 0.1  # of a feature's place
@@ -45,14 +46,20 @@ def without_rows(trajectories: Trajectories, size: tuple[int, int]) -> Straighte
     frames = np.flatnonzero(trajectories.seen.any(axis=1))
     if len(frames) < _LEAST_FRAMES:
         return None
-    trajectories = replace(trajectories, shapes=_wide_shapes(trajectories))
-    moved = np.stack([apply(trajectories.shapes[f], trajectories.current_px[f]) for f in frames])
-    seen = trajectories.seen[frames]
-    steady = _steady(moved - trajectories.reference_px, seen, frames)
-    usable = seen & (seen.mean(axis=0) >= _SEEN) & (steady.scatter_px < _STEADY_PX)
-    if not _swings(_band_means(trajectories, frames, usable, steady.residual, size)):
+    first = _Swing.of(trajectories, frames, size)
+    if first.shared < _SWING_PX**2:
         return None
-    own = _rows_of(trajectories.reference_px, trajectories.reference_px + steady.intercept, usable.any(axis=0), size)
+    trajectories = replace(trajectories, shapes=_wide_shapes(trajectories))
+    swing = _Swing.of(trajectories, frames, size)
+    if not swing.is_by_rows:
+        return None
+    return _straightened(trajectories, frames, swing, size)
+
+
+def _straightened(trajectories: Trajectories, frames: IdArray, swing: _Swing, size: tuple[int, int]) -> Straightened:
+    """The trajectories with the rows of each frame, and those of the reference, put back."""
+    moved, steady, usable = swing.moved_px, swing.steady, swing.usable
+    own = _rows_of(trajectories.reference_px, trajectories.reference_px + steady.intercept, np.asarray(usable.any(axis=0)), size)
     current = trajectories.current_px.copy()
     for k, f in enumerate(frames.tolist()):
         shape, expected = trajectories.shapes[f], moved[k] - steady.residual[k]
@@ -143,21 +150,45 @@ def _band_means(trajectories: Trajectories, frames: IdArray, usable: BoolArray, 
     return np.where(enough[:, None, :, None], mean, np.nan)
 
 
-def _swings(swing: FloatArray) -> bool:
-    """Whether both halves show the same, and more than one shape; what a plane can do is not counted."""
-    known = ~np.isnan(swing[:, 0, :, 0])
-    if known.mean() < _LEAST_CELLS:
-        return False
-    halves = np.stack([_without_plane(one, which) for one, which in zip(swing, known, strict=True)])
-    shared = (halves[:, 0] * halves[:, 1]).sum() / known.sum()
-    one, other = (halves[:, k].transpose(0, 2, 1).reshape(-1, _BANDS) for k in range(2))
-    independent = independent_share(one, other) if shared > 0 else 0.0
-    return independent > _INDEPENDENT and bool(shared * independent > _SWING_PX**2)
-
-
 def _without_plane(halves: FloatArray, known: BoolArray) -> FloatArray:
     """(2, bands, 2) means of one frame without their common slope, 0 where they are not known, (bands,) bool."""
     y = np.linspace(-1, 1, _BANDS)
     basis = np.stack([np.ones(_BANDS), y], axis=1) * known[:, None]
     mean = np.nan_to_num(halves).mean(axis=0)
     return np.asarray(np.nan_to_num(halves) - basis @ np.linalg.lstsq(basis, mean, rcond=None)[0])
+
+
+@dataclass(frozen=True, eq=False)
+class _Swing:
+    """What moves unsteadily by rows.
+
+    moved_px: (F, N, 2), the features in px of the reference. usable: (F, N) bool. halves: (2, F, bands, 2), mean
+    residuals of both halves of the strips, 0 where either has few features. shared: mean product of both where known.
+    """
+
+    moved_px: FloatArray
+    steady: _Steady
+    usable: BoolArray
+    halves: FloatArray
+    shared: float
+
+    @staticmethod
+    def of(trajectories: Trajectories, frames: IdArray, size: tuple[int, int]) -> _Swing:
+        moved = np.stack([apply(trajectories.shapes[f], trajectories.current_px[f]) for f in frames])
+        seen = trajectories.seen[frames]
+        steady = _steady(moved - trajectories.reference_px, seen, frames)
+        usable = seen & (seen.mean(axis=0) >= _SEEN) & (steady.scatter_px < _STEADY_PX)
+        means = _band_means(trajectories, frames, usable, steady.residual, size)
+        known = ~np.isnan(means[:, 0, :, 0])
+        halves = np.stack([_without_plane(one, which) for one, which in zip(means, known, strict=True)], axis=1)
+        shared = float((halves[0] * halves[1]).sum()) / known.sum() if known.mean() >= _LEAST_CELLS else 0.0
+        return _Swing(moved, steady, usable, halves, shared)
+
+    @property
+    def is_by_rows(self) -> bool:
+        """Whether both halves show the same, more than one shape, and not the same in successive frames."""
+        if self.shared <= 0:
+            return False
+        independent = independent_share(*self.halves)
+        return (independent > _INDEPENDENT and self.shared * independent > _SWING_PX**2
+                and changing_share(*self.halves) > _CHANGING)

@@ -40,7 +40,7 @@ class RowRegistration:
         """
         pairs, fit = match
         trust = anchor.trust[pairs.feature_id]
-        if fit is not None and not self.residuals(pairs, trust, fit).show and _explains_most(match, anchor):
+        if fit is not None and not self.residuals(pairs, trust, fit).hint and _explains_most(match, anchor):
             return match
         for start in [guess] if fit is None else [fit.ref_H_cur, guess]:
             found = anchor.register_rows(gray, start, self.solve, chains)
