@@ -16,7 +16,7 @@ from stab_ros.core.row_shifts import RowShifts
 from stab_ros.core.types import FloatArray, Homography
 from stab_ros.estimation.rows import RowResiduals, changing_share, independent_share
 
-_FRAMES, _LEAST_FRAMES = 12, 5
+_FRAMES, _LEAST_FRAMES, _SPARED = 12, 7, 2
 _INDEPENDENT = 0.2  # share of the common variance that no single shape explains
 _CHANGING = 0.6  # of what unrelated frames would change
 _TOLD_FRAMES = 3
@@ -50,7 +50,7 @@ class RollingShutter:
         return self._swing if self._swing.frames >= _TOLD_FRAMES else None
 
     def found(self) -> None:
-        """The rows of a frame swing, or those of the start-up do."""
+        """The rows of the last frames swing, or those of the start-up do."""
         self._left = _PATIENCE
 
     def add(self, residuals: RowResiduals, rows: RowShifts | None) -> None:
@@ -58,16 +58,22 @@ class RollingShutter:
         self._last.append(residuals)
         self._left = max(0, self._left - 1)
         if rows is not None:
-            self.found()
             self._swing = Swing(self._swing.frames + 1, max(self._swing.most_px, rows.most_px))
-        elif not self.known and self._swings():
+        if self._swings():
             self.found()
 
     def _swings(self) -> bool:
+        """Whether the last frames show waves, even without the largest: homographies that are off show some too."""
         if sum(residuals.show for residuals in self._last) < _LEAST_FRAMES or not self._last[-1].show:
             return False
         one, other = np.stack([residuals.halves for residuals in self._last], axis=1)
-        return independent_share(one, other) > _INDEPENDENT and changing_share(one, other) > _CHANGING
+        rest = np.sort(np.argsort([residuals.shared for residuals in self._last])[:-_SPARED])
+        return _wave(one, other) and _wave(one[rest], other[rest])
+
+
+def _wave(one: FloatArray, other: FloatArray) -> bool:
+    """Whether two measurements (F, bands, 2) of curves show more than one shape, and change from frame to frame."""
+    return independent_share(one, other) > _INDEPENDENT and changing_share(one, other) > _CHANGING
 
 
 def with_rows(covariance: FloatArray, ref_H_cur: Homography, rows: RowShifts | None) -> FloatArray:

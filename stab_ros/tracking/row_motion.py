@@ -59,7 +59,8 @@ def without_rows(trajectories: Trajectories, size: tuple[int, int]) -> Straighte
 def _straightened(trajectories: Trajectories, frames: IdArray, swing: _Swing, size: tuple[int, int]) -> Straightened:
     """The trajectories with the rows of each frame, and those of the reference, put back."""
     moved, steady, usable = swing.moved_px, swing.steady, swing.usable
-    own = _rows_of(trajectories.reference_px, trajectories.reference_px + steady.intercept, np.asarray(usable.any(axis=0)), size)
+    seen = np.asarray(usable.any(axis=0))
+    own = _rows_of(trajectories.reference_px, trajectories.reference_px + steady.intercept, seen, size)
     current = trajectories.current_px.copy()
     for k, f in enumerate(frames.tolist()):
         shape, expected = trajectories.shapes[f], moved[k] - steady.residual[k]
