@@ -129,7 +129,7 @@ def _unused(source: Source, counts: Counts) -> list[str]:
 
 def _remarks(source: Source, stabilizer: Stabilizer) -> list[str]:
     """Reasons why the answers may be wrong."""
-    found = advice.remarks(stabilizer.competing_hypothesis, stabilizer.relief)
+    found = advice.remarks(stabilizer.competing_hypothesis, stabilizer.relief, stabilizer.swing)
     return [f"{source.name}: {remark}" for remark in found]
 
 

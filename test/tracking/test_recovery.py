@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from flights import Flown, fly, moved
 from truth import frame, picture, random_noise, translation
 
-from stab_ros.core.types import Gray
+from stab_ros.core.types import BoolArray, FloatArray, Gray
 from stab_ros.parameters.engines import make_stabilizer
 from stab_ros.synthetic.camera_path import Gust, Pose
 from stab_ros.synthetic.flight import Flight, preset
@@ -22,6 +23,10 @@ SIZE = (640, 360)
 FRAMES, FIRST, LAST = 70, 36, 50  # the fault lasts from FIRST to LAST - 1; the start is over at 23
 
 Spoil = Callable[[int, Gray], Gray | None]
+
+
+def on_ground(ground: StaticMap, points_px: FloatArray) -> BoolArray:
+    return np.asarray(ground.at(points_px) > 0.5)
 
 
 def hand(number: int, image: Gray) -> Gray:
@@ -141,7 +146,7 @@ def test_relocation_keeps_to_static_ground() -> None:
     both = np.maximum(*views)
     for H, mask in ((turned, left), (shifted, 255 - left)):
         ground = StaticMap.of_picture(mask)
-        found = Relocation(base).find(np.asarray(both, np.uint8), lambda px, ground=ground: ground.at(px) > 0.5)
+        found = Relocation(base).find(np.asarray(both, np.uint8), partial(on_ground, ground))
         assert found is not None
         assert np.abs(found - H)[:2, :2].max() < 0.03
 
