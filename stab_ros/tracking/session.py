@@ -52,8 +52,8 @@ class Session:
     """Registers frames to one reference.
 
     reset_counter: how often a reference was replaced before, or the choice of ground turned. found: number of frames
-    that matched the reference so far, within the start-up each by the square of the share
-    of features that it shows, since some of them match by chance. last_match: the matches of the last frame, and what was fitted to them.
+    that matched the reference so far, within the start-up each by the square of the share of features that it shows,
+    since some of them match by chance. last_match: the matches of the last frame, and what was fitted to them.
     """
 
     def __init__(self, reference: Reference, anchor: Anchor, factory: AnchorFactory, config: StabilizerConfig,
