@@ -12,6 +12,7 @@ import math
 import cv2
 import numpy as np
 
+from stab_ros.core.geometry import apply
 from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Homography
 from stab_ros.estimation import estimators
 
@@ -19,6 +20,7 @@ _MOST_SAMPLES = 5000
 _LEAST_AGREEING = 6  # a texture that repeats itself agrees more often than chance
 _LOG10_FALSE_ALARMS = -4.0  # matches on one texture are not independent, so a thousandth of an alarm is too many
 _DETERMINED = 16  # matches, four times as many as a homography needs
+_TILT = 6.0  # times the threshold, which a tilt of the camera adds at the edges
 _SIGMA_SHARE = 0.3  # standard deviation of a right match, as a share of the threshold
 
 
@@ -75,9 +77,10 @@ def _similarity(current_px: FloatArray, anchor_px: FloatArray,
 
 
 def _tilted(current_px: FloatArray, anchor_px: FloatArray, threshold_px: float, H: Homography) -> Homography:
-    """The similarity H refined to a homography."""
-    n = len(current_px)
+    """The similarity H refined to a homography by the matches near it."""
+    near = np.hypot(*(apply(H, current_px) - anchor_px).T) < _TILT * threshold_px
+    n = int(near.sum())
     information = np.eye(2) / (_SIGMA_SHARE * threshold_px) ** 2
-    pairs = Correspondences(np.arange(n), anchor_px, current_px, np.tile(information, (n, 1, 1)))
+    pairs = Correspondences(np.arange(n), anchor_px[near], current_px[near], np.tile(information, (n, 1, 1)))
     better = estimators.refine(pairs, "projective", threshold_px, H, np.ones(n))
     return H if better is None else better

@@ -27,9 +27,10 @@ from stab_ros.tracking.strategies import Adjacent, Fixed, Strategy, Updated
 
 _SINGLE = {"fixed": Fixed, "updated": Updated, "adjacent": Adjacent}  # the strategies that keep one anchor
 
-_USUAL = 0.6  # of the usual share of inliers: with fewer, a frame is looked for elsewhere, too
+_USUAL = 0.75  # of the usual share of inliers: with fewer, a frame is looked for elsewhere, too
 _SHARE_RATE = 0.1  # of the mean over frames
 _CONVERGED_PX, _MOST_REGISTRATIONS = 0.1, 3
+_PROMISING = 0.2  # of the inliers expected: with fewer a registration leads nowhere
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,6 +178,8 @@ class Session:
         for _ in range(_MOST_REGISTRATIONS):
             pairs, fit = anchor.register(gray, guess, self._solver(anchor), self._strategy.chains)
             if fit is None or pairs.ref_H_cur is None or self._has_converged(fit, pairs.ref_H_cur):
+                break
+            if anchor.support(pairs, fit).share < _PROMISING:
                 break
             guess = fit.ref_H_cur
         return pairs, fit

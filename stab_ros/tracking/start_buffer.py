@@ -173,11 +173,11 @@ class StartBuffer:
     def _before_camera(self, trajectories: Trajectories, seen: Observations, provisional: bool) -> Choice | None:
         """The choice if part of the picture is fixed to the camera; None where nothing is, or the camera is at rest."""
         fixed = self._fixed = self._sensor.features()
-        moving = [plane for plane in find_planes(trajectories, ~fixed) if _moves(plane, seen)] if fixed.any() else []
-        if not moving:
+        others = find_planes(trajectories, ~fixed) if fixed.any() else []
+        if not any(_moves(plane, seen) for plane in others):
             return None
         at_rest = Plane(fixed, np.tile(np.eye(3), (len(trajectories.shapes), 1, 1)), at_rest=True)
-        planes = [*moving, at_rest] if np.sum(fixed) >= LEAST_FEATURES else moving
+        planes = [*others, at_rest] if np.sum(fixed) >= LEAST_FEATURES else others
         choice = choose_ground(planes, seen, provisional)
         return None if choice.ground is at_rest else choice
 

@@ -15,7 +15,7 @@ from stab_ros.core.types import Gray
 from stab_ros.parameters.engines import make_stabilizer
 from stab_ros.synthetic.camera_path import Gust, Pose
 from stab_ros.synthetic.flight import Flight, preset
-from stab_ros.tracking.relocation import Relocation
+from stab_ros.tracking.relocation import Relocation, everywhere
 from stab_ros.tracking.static_map import StaticMap
 
 SIZE = (640, 360)
@@ -140,15 +140,16 @@ def test_relocation_keeps_to_static_ground() -> None:
              for H, mask in ((turned, left), (shifted, 255 - left))]
     both = np.maximum(*views)
     for H, mask in ((turned, left), (shifted, 255 - left)):
-        found = Relocation(base).find(np.asarray(both, np.uint8), StaticMap.of_picture(mask))
+        ground = StaticMap.of_picture(mask)
+        found = Relocation(base).find(np.asarray(both, np.uint8), lambda px, ground=ground: ground.at(px) > 0.5)
         assert found is not None
         assert np.abs(found - H)[:2, :2].max() < 0.03
 
 
 def test_relocation_finds_nothing_in_noise() -> None:
     base = Relocation(picture())
-    assert all(base.find(random_noise(number), None) is None for number in range(3))
-    assert base.find(np.full((300, 400), 90, np.uint8), None) is None
+    assert all(base.find(random_noise(number), everywhere) is None for number in range(3))
+    assert base.find(np.full((300, 400), 90, np.uint8), everywhere) is None
 
 
 def test_flat_frames_are_not_searched_through() -> None:
