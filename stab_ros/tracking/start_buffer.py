@@ -26,7 +26,8 @@ _LEAST_FEATURES = 48  # with fewer there is nothing to choose between
 # if less of it was seen, as where the first frames were dropped, it takes up to so many times as long
 _SEEN_SHARE, _PATIENCE = 0.5, 3
 _MOVED_PX = 1.5  # between a plane that is fixed to the camera and one that is not
-_AGREEING_PX, _AGREES, _SHOWN = 0.6, 0.7, 0.2  # where there is no plane: px; share of the frames seen in; of all frames
+# features that show no plane, but are where most are: px; in this share of the frames that show them; of all frames
+_AGREEING_PX, _AGREES, _SHOWN = 0.6, 0.7, 0.2
 _MOST_FRAMES = 120  # where time does not advance
 
 
@@ -133,7 +134,7 @@ class StartBuffer:
         return self._stamps[self._answered :]
 
     def follow(self, stamp: FrameStamp, gray: Gray) -> float:
-        """Takes the next frame, (h, w) uint8; the share of the features that it shows, 0 if it could not be followed."""
+        """Takes the next frame, (h, w) uint8; the share of the features that it shows, 0 if it is not followed."""
         shown = self._tracks.follow(gray)
         self._textured.append(shown > 0 or is_textured(gray))
         self._sensor.add(gray)
