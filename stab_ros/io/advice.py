@@ -64,6 +64,15 @@ class FixedToCamera:
                 "is not used as ground")
 
 
+def given_up(references: int) -> str:
+    """So many references were given up; an empty string for none."""
+    if not references:
+        return ""
+    what = "the first image" if references == 1 else f"{references} images that were to be the reference"
+    return (f"{what} matched none of those after it, as a damaged one does, and a later image is the reference; "
+            "homographies of different reset_counter have different references")
+
+
 def remarks(competing: CompetingHypothesis | None, relief: Relief | None, swing: Swing | None) -> list[str]:
     """One sentence for each reason why homographies may be wrong; None: there is no such reason."""
     found = [] if competing is None else [ambiguous_ground(competing)]

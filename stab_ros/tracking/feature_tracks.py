@@ -75,9 +75,10 @@ class _Measured:
 
 @dataclass(frozen=True, eq=False)
 class _Followed:
-    """A frame in which the features were found. small: reduced for the flow. at_px: (N, 2), where they are or would be.
+    """A frame in which the features were found.
 
-    step_px: (N, 2) since the frame before it. own_px: (N, 2), the part of it that is not common to most features.
+    small: reduced for the flow. at_px: (N, 2) where they are, or should be. step_px: (N, 2) since the frame before it.
+    own_px: (N, 2), the part of it that is not common to most features.
     """
 
     small: Gray
@@ -176,8 +177,8 @@ class FeatureTracks:
     def _located(self, gray: Gray, near: Homography) -> Iterator[Homography]:
         """ref_H_cur of most features, by whatever finds the frame in the reference."""
         centre_px = np.array(self._search.size) / 2
-        found = bool(self._rows) and bool(self._rows[-1].seen.any())
-        seen = self._rows[-1].seen if found else np.ones(len(self.reference_px), bool)
+        before = self._rows[-1].seen if self._rows else self._unseen.seen
+        seen = before if before.any() else ~before
         searches: tuple[Callable[[], Homography | None], ...] = (
             lambda: self._search.by_areas(gray, near, self.reference_px[seen], _SEARCH_PX),
             lambda: self._search.by_full_size(FullSizeFeatures.of(gray, centre_px), centre_px, everywhere),

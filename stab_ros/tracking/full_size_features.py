@@ -50,8 +50,8 @@ class FullSizeFeatures:
         points, descriptor = orb.compute(window, [points[k] for k in _even(points, window.shape).tolist()])
         if not points:
             return FullSizeFeatures(centre_px, np.empty((0, 2)), np.empty((0, 32), np.uint8))
-        at_px = np.array([point.pt for point in points]) + np.array([left, top])
-        return FullSizeFeatures(centre_px, at_px, np.asarray(descriptor))
+        px = np.array([point.pt for point in points]) + np.array([left, top])
+        return FullSizeFeatures(centre_px, px, np.asarray(descriptor))
 
     def __len__(self) -> int:
         return len(self.px)

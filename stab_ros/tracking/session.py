@@ -76,7 +76,7 @@ class Session:
         return len(self._strategy) if isinstance(self._strategy, Keyframes) else 0
 
     def track(self, stamp: FrameStamp, gray: Gray) -> Track:
-        """The answer to a frame, (h, w) uint8: by the first guess that gives a usual registration, else the best."""
+        """The answer to a frame, (h, w) uint8: by the first guess that registers it as usual, else the best."""
         attempts: list[_Attempt] = []
         for anchor, guess in self._recovery.guesses(self._strategy, self.motion, gray, stamp.time_ns):
             attempts.append(self._attempt(anchor, gray, guess))
@@ -111,7 +111,7 @@ class Session:
         return start.useful
 
     def follow(self, stamp: FrameStamp, gray: Gray) -> float:
-        """Buffers a frame, (h, w) uint8, of the start-up; the share of features it shows, 0 outside of a start-up."""
+        """Buffers a frame, (h, w) uint8, of the start-up; the share of features that it shows."""
         shown = 0.0 if self.ground.buffer is None else self.ground.buffer.follow(stamp, gray)
         self.found += shown**2
         return shown

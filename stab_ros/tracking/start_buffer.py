@@ -27,7 +27,8 @@ _LEAST_FEATURES = 48  # with fewer there is nothing to choose between
 # if less of it was seen, as where the first frames were dropped, it takes up to so many times as long
 _SEEN_SHARE, _PATIENCE = 0.5, 3
 _MOVED_PX = 1.5  # between a plane that is fixed to the camera and one that is not
-_AGREEING_PX, _AGREES, _SHOWN = 0.6, 0.7, 0.2  # where there is no plane: px; share of the frames seen in; of all frames
+# features that show no plane, but are where most are: px; in this share of the frames that show them; of all frames
+_AGREEING_PX, _AGREES, _SHOWN = 0.6, 0.7, 0.2
 _MOST_FRAMES = 120  # where time does not advance
 
 

@@ -7,7 +7,7 @@ import pytest
 from gravel import SIZE, gravel
 from truth import error_px, frame, random_noise, similarity, translation
 
-from stab_ros.core.geometry import rms_distance
+from stab_ros.core.geometry import apply, rms_distance
 from stab_ros.core.types import Homography
 from stab_ros.parameters.engines import make_stabilizer
 from stab_ros.tracking import agreement
@@ -68,12 +68,11 @@ def test_the_window_of_features_is_limited() -> None:
 
 def gusty(frames: int, seed: int) -> list[Homography]:
     """Steps of up to 20 px and a degree, each of another direction."""
-    draw, H = np.random.default_rng(seed), HERE
+    draw = np.random.default_rng(seed)
     path: list[Homography] = [HERE]
     for _ in range(frames - 1):
-        turn, x, y = draw.uniform(-1, 1), *draw.uniform(-20, 20, 2)
-        H = similarity(turn, draw.uniform(0.99, 1.01), x, y) @ H if abs(H[:2, 2]).max() < 80 else HERE
-        path.append(H)
+        turn, scale, x, y = draw.uniform((-1, 0.99, -20, -20), (1, 1.01, 20, 20))
+        path.append(similarity(turn, scale, x, y) @ path[-1] if abs(path[-1][:2, 2]).max() < 80 else HERE)
     return path
 
 
@@ -109,10 +108,8 @@ def test_false_alarms_follow_the_binomial_distribution() -> None:
 def test_few_right_matches_among_many_wrong_ones_are_found() -> None:
     draw, H = np.random.default_rng(5), similarity(10.0, 1.1, 30.0, -20.0)
     right, wrong = draw.uniform(0, 900, (30, 2)), draw.uniform(0, 900, (270, 2))
-    seen = np.concatenate([right, wrong])
-    agreeing = right @ H[:2, :2].T + H[:2, 2] + draw.normal(0, 0.5, (30, 2))
-    there = np.concatenate([agreeing, draw.uniform(0, 900, (270, 2))])
-    found = agreement.motion(seen, there, 3.0, 900**2)
+    there = np.concatenate([apply(H, right) + draw.normal(0, 0.5, right.shape), draw.uniform(0, 900, wrong.shape)])
+    found = agreement.motion(np.concatenate([right, wrong]), there, 3.0, 900**2)
     assert found is not None
     assert rms_distance(found, H, (900, 900)) < 3.0
 
@@ -142,9 +139,9 @@ def test_a_step_beyond_the_last_seconds_motion_surprises() -> None:
         after_ns = motion.last_ns + 40_000_000
         expected = motion.predict(after_ns)
         assert motion.surprise(expected, after_ns) == 0
-    jump = translation(80.0, 0.0)
-    after_ns = gusts.last_ns + 40_000_000
-    assert calm.surprise(jump, calm.last_ns + 40_000_000) > 5 * gusts.surprise(jump @ gusts.last, after_ns)
+    calm_surprise, in_gusts = (motion.surprise(translation(80.0, 0.0) @ motion.last, motion.last_ns + 40_000_000)
+                               for motion in (calm, gusts))
+    assert calm_surprise > 5 * in_gusts
 
 
 def test_what_is_usual_grows_with_the_gap_and_needs_some_frames() -> None:
