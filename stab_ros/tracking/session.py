@@ -151,10 +151,13 @@ class Session:
                 yield one, found
 
     def _register(self, anchor: Anchor, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
-        self.last_match = anchor.register(gray, guess, self._registration.solve, self._strategy.chains)
-        if self._seeks_rows and self.rolling_shutter.known:
-            self.last_match = self._by_rows.improved(anchor, gray, guess, self.last_match, self._strategy.chains)
-        return self.last_match
+        chains, swings = self._strategy.chains, self._seeks_rows and self.rolling_shutter.known
+        match = self._by_rows.near(anchor, gray, guess, chains) if swings else None
+        if match is None:
+            match = anchor.register(gray, guess, self._registration.solve, chains)
+            match = self._by_rows.improved(anchor, gray, match, chains) if swings else match
+        self.last_match = match
+        return match
 
     @property
     def _seeks_rows(self) -> bool:
