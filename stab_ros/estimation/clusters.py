@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from stab_ros.core.kernels import F64, kernel, read
 from stab_ros.core.types import FloatArray, IdArray
 
 ACROSS = 12  # cells along each axis
@@ -18,11 +19,18 @@ _LARGEST = 1.27  # the mean of the largest ratio where errors are independent (s
 _LEAST_LEFT = 0.25  # share of the variance that the fit must leave in the residuals to judge by them
 
 
+@kernel((read(F64, 2),))
 def cells_of(places_px: FloatArray) -> IdArray:
     """Cell (N,) of each place (N, 2), px, row by row over the area that the places cover."""
-    low, high = places_px.min(axis=0), places_px.max(axis=0)
-    cell = ((places_px - low) / np.maximum(high - low, 1e-9) * ACROSS).astype(np.int64).clip(0, ACROSS - 1)
-    return np.asarray(cell[:, 1] * ACROSS + cell[:, 0])
+    low_x, low_y, high_x, high_y = np.inf, np.inf, -np.inf, -np.inf
+    for x, y in places_px:
+        low_x, low_y, high_x, high_y = min(low_x, x), min(low_y, y), max(high_x, x), max(high_y, y)
+    wide, tall = max(high_x - low_x, 1e-9) / ACROSS, max(high_y - low_y, 1e-9) / ACROSS
+    cell = np.empty(len(places_px), np.int64)
+    for i in range(len(places_px)):
+        column, row = int((places_px[i, 0] - low_x) / wide), int((places_px[i, 1] - low_y) / tall)
+        cell[i] = min(row, ACROSS - 1) * ACROSS + min(column, ACROSS - 1)
+    return cell
 
 
 def excess(normal: FloatArray, score: FloatArray, predicted: FloatArray) -> float:
