@@ -22,7 +22,7 @@ from truth import (
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import apply
-from stab_ros.core.types import Correspondences, Fit, FloatArray, Frame, Gray, Image, State
+from stab_ros.core.types import Correspondences, Fit, Frame, Gray, Image, State
 from stab_ros.methods import METHODS
 from stab_ros.parameters.engines import make_stabilizer, reconfigure
 from stab_ros.tracking.motion import CameraMotion
@@ -141,24 +141,18 @@ def half_seen() -> Gray:
 def test_the_gate_wants_inliers() -> None:
     track = started().track(frame(half_seen(), 1))
     assert error_px(track, MOVED) < 0.1
-    share = track.inliers / len(matched_reference(started()))
     assert started(min_inliers=track.inliers - 1).track(frame(half_seen(), 1)).tracked
     assert not started(min_inliers=track.inliers + 1).track(frame(half_seen(), 1)).tracked
-    assert started(min_inlier_share=0.9 * share).track(frame(half_seen(), 1)).tracked
-    assert not started(min_inlier_share=min(1.0, 1.2 * share)).track(frame(half_seen(), 1)).tracked
-
-
-def matched_reference(stabilizer: Stabilizer) -> FloatArray:
-    """The places of all features of the reference, from a standing picture that shows them all."""
-    stabilizer.track(frame(picture(), 1))
-    return matched(stabilizer)[0].reference_px
+    # a third of the picture agrees, and there nearly all features do: the share does not count
+    assert started(min_inlier_share=1.0).track(frame(half_seen(), 1)).tracked
 
 
 def test_the_gate_wants_certainty() -> None:
     sigma_px = started().track(frame(half_seen(), 1)).sigma_px
     assert sigma_px is not None
-    assert started(max_sigma=1.1 * sigma_px).track(frame(half_seen(), 1)).tracked
-    assert not started(max_sigma=0.9 * sigma_px).track(frame(half_seen(), 1)).tracked
+    relative = 1000 * sigma_px / max(SIZE)
+    assert started(max_sigma=1.1 * relative).track(frame(half_seen(), 1)).tracked
+    assert not started(max_sigma=0.9 * relative).track(frame(half_seen(), 1)).tracked
 
 
 def test_a_mirrored_picture_is_lost() -> None:
