@@ -13,6 +13,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from stab_ros.core.row_shifts import RowShifts
+
 Gray: TypeAlias = NDArray[np.uint8]  # (h, w)
 Image: TypeAlias = NDArray[Any]  # (h, w) or (h, w, channels), uint8 or uint16
 Homography: TypeAlias = NDArray[np.floating[Any]]  # (3, 3) float64, h22 = 1
@@ -156,6 +158,7 @@ class Fit:
             2023, where the inliers are FP and their share in percent is CMR); None without such a stage.
         model: the simpler transformation model that took the place of the one asked for, as the inliers did not support
             it; "": none.
+        rows: displacements of the frame's rows, added to its pixels before the homography; None: there are none.
     """
 
     ref_H_cur: Homography
@@ -164,6 +167,7 @@ class Fit:
     rmse_px: float
     consensus: int | None = None
     model: str = ""
+    rows: RowShifts | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +190,8 @@ class Track:
         sigma_px: one-sigma uncertainty of `ref_H_cur`, RMS over the 9x9 grid of the frame, px.
         provisional: whether the frame was answered before static ground was decided.
         lost_reason: why the frame is LOST; None while TRACKED.
+        rows: displacements of the frame's rows by a rolling shutter, to be added to pixels of the frame before
+            `ref_H_cur` maps them; None: none are seen. `covariance` then includes what the homography alone leaves.
 
     Raises:
         ValueError: LOST without a reason, or TRACKED with one.
@@ -204,6 +210,7 @@ class Track:
     sigma_px: float | None = None
     provisional: bool = False
     lost_reason: LostReason | None = None
+    rows: RowShifts | None = None
 
     def __post_init__(self) -> None:
         if self.tracked is not (self.lost_reason is None):

@@ -82,6 +82,23 @@ class Camera:
         """
         return _resampled(image, self._maps(ref_H_cur, size), interpolation)
 
+    def rectify_at(self, image: Image, ref_H_cur: Homography, size: tuple[int, int], places: RemapTables,
+                   interpolation: int) -> Image:
+        """As `rectify`, of any places of that result in place of all its pixels.
+
+        Args:
+            image: (h, w) or (h, w, channels), as taken.
+            ref_H_cur: as for `rectify`.
+            size: as for `rectify`.
+            places: x and y, (rows, columns) float32, px of the result of `rectify`.
+            interpolation: as for `rectify`.
+
+        Returns:
+            (rows, columns) or (rows, columns, channels).
+        """
+        x_px, y_px = (_resampled(map_px, places, cv2.INTER_LINEAR) for map_px in self._maps(ref_H_cur, size))
+        return _resampled(image, (x_px, y_px), interpolation)
+
     def downscaled(self, downscaling: Downscaling) -> Camera:
         """Scales the intrinsics to a downscaled image.
 

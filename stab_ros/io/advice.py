@@ -9,6 +9,7 @@ from types import MappingProxyType
 from stab_ros.core.types import Frame, LostReason
 from stab_ros.tracking.ground_choice import CompetingHypothesis
 from stab_ros.tracking.parallax import Relief
+from stab_ros.tracking.rolling_shutter import Swing
 
 _MANY_LOST = 0.05  # of the frames
 _MUCH_FIXED = 0.005  # of the picture
@@ -63,10 +64,20 @@ class FixedToCamera:
                 "is not used as ground")
 
 
-def remarks(competing: CompetingHypothesis | None, relief: Relief | None) -> list[str]:
+def given_up(references: int) -> str:
+    """So many references were given up; an empty string for none."""
+    if not references:
+        return ""
+    what = "the first image" if references == 1 else f"{references} images that were to be the reference"
+    return (f"{what} matched none of those after it, as a damaged one does, and a later image is the reference; "
+            "homographies of different reset_counter have different references")
+
+
+def remarks(competing: CompetingHypothesis | None, relief: Relief | None, swing: Swing | None) -> list[str]:
     """One sentence for each reason why homographies may be wrong; None: there is no such reason."""
     found = [] if competing is None else [ambiguous_ground(competing)]
-    return found if relief is None else [*found, parallax(relief)]
+    found = found if relief is None else [*found, parallax(relief)]
+    return found if swing is None else [*found, rolling_shutter(swing)]
 
 
 def ambiguous_ground(competing: CompetingHypothesis) -> str:
@@ -82,6 +93,12 @@ def parallax(relief: Relief) -> str:
     return (f"parallax: parts of the ground are shifted against the rest by {relief.px:.2f} px towards "
             f"{relief.deg:.0f} or {relief.deg + 180:.0f} degrees, as if they were no plane; homographies may "
             "be off by several times that, name ground at the height of the water in roi")
+
+
+def rolling_shutter(swing: Swing) -> str:
+    """Rows are shifted against each other."""
+    return (f"rolling shutter: the rows of {swing.frames} frames swing by up to {swing.most_px:.2f} px; "
+            "image_stabilized corrects it, homographies alone do not, sigma_px includes what they leave")
 
 
 def _heading(rate_px: tuple[float, float]) -> str:

@@ -129,8 +129,9 @@ def _unused(source: Source, counts: Counts) -> list[str]:
 
 def _remarks(source: Source, stabilizer: Stabilizer) -> list[str]:
     """Reasons why the answers may be wrong."""
-    found = advice.remarks(stabilizer.competing_hypothesis, stabilizer.relief)
-    return [f"{source.name}: {remark}" for remark in found]
+    given_up = advice.given_up(stabilizer.given_up)
+    found = advice.remarks(stabilizer.competing_hypothesis, stabilizer.relief, stabilizer.swing)
+    return [f"{source.name}: {remark}" for remark in ([given_up, *found] if given_up else found)]
 
 
 def _lost(source: Source, counts: Counts, reference: Frame | None) -> list[str]:

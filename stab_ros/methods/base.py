@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
+from stab_ros.core.row_shifts import RowShifts
 from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography
 
 
@@ -46,4 +47,18 @@ class Method(Protocol):
             current: (h, w) uint8, of the reference's size; not modified.
             guess: predicted `ref_H_cur`.
             trust: (N,) prior weight in [0, 1] of each feature: how static it has been so far.
+        """
+
+
+@runtime_checkable
+class RowMethod(Method, Protocol):
+    """A method that predicts a feature to a px or two, and so must be told of rows that have swung further."""
+
+    def measure(self, current: Gray, ref_H_cur: Homography, rows: RowShifts | None) -> Correspondences:
+        """Correspondences of all features that are found near a known place; nothing is searched for.
+
+        Args:
+            current: (h, w) uint8, of the reference's size; not modified.
+            ref_H_cur: of the frame.
+            rows: displacements of its rows; None: there are none.
         """

@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 
 from stab_ros.core.geometry import apply, level_scale, normalized, rms_distance
+from stab_ros.core.row_shifts import RowShifts
 from stab_ros.core.settings import Checked, setting
 from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray
 from stab_ros.estimation import estimators
@@ -159,6 +160,10 @@ class Direct:
         H = H if better is None else better
         return self._measure(self._fine, np.arange(len(self._fine)), current, H)
 
+    def measure(self, current: Gray, ref_H_cur: Homography, rows: RowShifts | None) -> Correspondences:
+        """Correspondences of all patches near a known place; see `RowMethod.measure`."""
+        return self._measure(self._fine, np.arange(len(self._fine)), current, ref_H_cur, rows)
+
     def _align_coarse(self, gray: Gray, guess: Homography, trust: FloatArray) -> Homography:
         """`guess` refined over the pyramid, from its coarsest level to the one below full resolution."""
         H = guess
@@ -193,14 +198,18 @@ class Direct:
                 break
         return H
 
-    def _measure(self, patches: Patches, chosen: IdArray, gray: Gray, H: Homography) -> Correspondences:
-        """Correspondences of those chosen patches that are found near their positions under H."""
+    def _measure(self, patches: Patches, chosen: IdArray, gray: Gray, H: Homography,
+                 rows: RowShifts | None = None) -> Correspondences:
+        """Correspondences of those chosen patches that are found near their positions under H and the rows."""
         cur_H_ref = np.linalg.inv(H)
-        measured = measure_patches(patches, chosen, gray, cur_H_ref)
+        at_px = None if rows is None else rows.before(apply(cur_H_ref, patches.centres[chosen].astype(np.float64)))
+        measured = measure_patches(patches, chosen, gray, cur_H_ref, at_px)
         near = np.abs(measured.displacement).max(axis=1, initial=0) <= _MAX_DISPLACEMENT_PX
         found = near & (measured.correlation >= self._config.min_correlation)
         reference_px = patches.centres[chosen[found]].astype(np.float64)
         current_px = apply(cur_H_ref, reference_px + measured.displacement[found])
+        if at_px is not None and rows is not None:
+            current_px -= rows.at(at_px[found, 1])
         return Correspondences(chosen[found], reference_px, current_px, measured.information[found], H)
 
 

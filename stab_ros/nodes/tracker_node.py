@@ -13,7 +13,7 @@ from stab_ros.core.kernels import Compilation, compile_kernels
 from stab_ros.core.settings import Value
 from stab_ros.core.timeline import Advance
 from stab_ros.core.types import Frame, Track
-from stab_ros.io.advice import FixedToCamera
+from stab_ros.io.advice import FixedToCamera, given_up
 from stab_ros.io.cdr import SECOND_NS, Header, header_of
 from stab_ros.io.image_message import read_image
 from stab_ros.io.topics import HOMOGRAPHY_TOPIC
@@ -80,6 +80,7 @@ class TrackerNode(StabNode):
         self._pending: dict[int, _Pending] = {}  # by index of the frame
         self._published_reference: Frame | None = None
         self._published_map: StaticMap | None = None
+        self._given_up = 0  # references, as far as that was said
         self._ground = GroundState.UNDECIDED  # at the last check
         self.outputs = TrackerPublishers(self, lossless=self.settings.queue_depth == 0)
         self.create_service(Trigger, "~/reset_reference", self._reset_reference)
@@ -204,6 +205,9 @@ class TrackerNode(StabNode):
         before, self._published_reference = self._published_reference, reference
         if before is not None and not before.is_like(reference):
             self._warn("kind", f"the images are {reference.kind} now, they were {before.kind}: a new reference")
+        if self.stabilizer.given_up > self._given_up:
+            self._given_up = self.stabilizer.given_up
+            self._warn("given_up", f"{given_up(self._given_up)}; it is {self.stabilizer.reset_counter} now")
         if self.camera is not None:
             self.camera.locked = True
         self.outputs.send_reference(reference, self.stabilizer)
@@ -238,7 +242,7 @@ class TrackerNode(StabNode):
 
     def _report(self) -> None:
         self.status.competing, self.status.relief = self.stabilizer.competing_hypothesis, self.stabilizer.relief
-        self.status.ground = self.stabilizer.ground
+        self.status.ground, self.status.swing = self.stabilizer.ground, self.stabilizer.swing
         self.status.stamps, self.status.before = self._stamps.counts, self._input.before
         self.publish_diagnostics(self.status.report(self.free.ns))
 

@@ -12,6 +12,7 @@ from stab_ros.nodes.diagnostic_status import DiagnosticStatus
 from stab_ros.nodes.stream_timeout import StreamTimeout
 from stab_ros.tracking.ground_choice import CompetingHypothesis
 from stab_ros.tracking.parallax import Relief
+from stab_ros.tracking.rolling_shutter import Swing
 from stab_ros.tracking.start_buffer import GroundState
 
 
@@ -23,6 +24,7 @@ class TrackerStatus:
         self.waiting_for = "image"
         self.competing: CompetingHypothesis | None = None  # a plane that may be the ground as well
         self.relief: Relief | None = None  # parallax that shows that the ground is not one plane
+        self.swing: Swing | None = None  # of the rows, by a rolling shutter
         self.stamps: Mapping[str, str] = {}  # counts of irregular ones
         self.before = 0  # images published before the first that was received
         self.ground = GroundState.UNDECIDED
@@ -73,7 +75,7 @@ class TrackerStatus:
     def _all_warnings(self) -> list[str]:
         """What is worth a warning now; those of a kind are told once."""
         once, self._warnings = self._warnings, {}
-        return [*advice.remarks(self.competing, self.relief), *once.values()]
+        return [*advice.remarks(self.competing, self.relief, self.swing), *once.values()]
 
     def _state(self, free_ns: int) -> str:
         if self._track is None:
@@ -110,4 +112,5 @@ class TrackerStatus:
             "rival_share": number(self.competing.share if self.competing else None),
             "parallax_px": number(self.relief.px if self.relief else None),
             "parallax_deg": number(self.relief.deg if self.relief else None),
+            "rows_px": number(self.swing.most_px if self.swing else None),
         }

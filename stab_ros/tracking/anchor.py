@@ -9,9 +9,10 @@ from functools import cached_property
 import numpy as np
 
 from stab_ros.core.geometry import apply, inside
+from stab_ros.core.row_shifts import RowShifts
 from stab_ros.core.types import BoolArray, Correspondences, Fit, FloatArray, Gray, Homography
 from stab_ros.methods import METHODS
-from stab_ros.methods.base import Method
+from stab_ros.methods.base import Method, RowMethod
 from stab_ros.tracking.anchor_pose import AT_REFERENCE, AnchorPose
 from stab_ros.tracking.feature_trust import FeatureTrust
 from stab_ros.tracking.frame_search import FrameSearch
@@ -25,9 +26,12 @@ from stab_ros.tracking.support import Support, support_of
 
 # (pairs, initial ref_H_cur, weight of each pair) -> the homography of the current frame to where reference_px lie
 Solve = Callable[[Correspondences, Homography, FloatArray], Fit | None]
+# the same with displacements of the rows to start from -> a fit with such; None: no rows swing
+SolveRows = Callable[[Correspondences, Homography, FloatArray, RowShifts | None], Fit | None]
 
 _RIGHT_MATCHES = 0.5
 _TRUSTED = 0.5
+_ROW_PASSES, _ROWS_CLOSE_PX = 6, 0.05
 _MANY_FEATURES = 200  # enough to tell ground from water all over the image
 
 
@@ -111,6 +115,34 @@ class Anchor:
                                       trust)
         fit = solve(pairs, near if pairs.ref_H_cur is None else pairs.ref_H_cur, trust)
         return transferred, None if fit is None else self.pose.chained(fit)
+
+    def register_rows(self, gray: Gray, guess: Homography, solve: SolveRows,
+                      chain: bool) -> tuple[Correspondences, Fit] | None:
+        """As `register`, with displacements of the rows; None where there are none to be seen.
+
+        Features are measured again where the rows have gone, from within a few px of `guess`.
+        """
+        pairs = self._found(gray, self.pose.in_anchor(guess), None)
+        fit = solve(pairs, self.pose.in_anchor(guess), self.trust[pairs.feature_id], None)
+        for _ in range(_ROW_PASSES if isinstance(self._method, RowMethod) else 0):
+            if fit is None or fit.rows is None:
+                break
+            before, pairs = fit.rows, self._found(gray, fit.ref_H_cur, fit.rows)
+            fit = solve(pairs, fit.ref_H_cur, self.trust[pairs.feature_id], before)
+            if fit is not None and fit.rows is not None and fit.rows.differs_px(before) < _ROWS_CLOSE_PX:
+                break
+        transferred = self.pose.transferred(pairs)
+        if fit is not None and not chain and transferred is not pairs:
+            fit = solve(transferred, self.pose.in_reference(fit.ref_H_cur), self.trust[pairs.feature_id], fit.rows)
+        elif fit is not None and chain:
+            fit = self.pose.chained(fit)
+        return None if fit is None else (transferred, fit)
+
+    def _found(self, gray: Gray, near: Homography, rows: RowShifts | None) -> Correspondences:
+        """Features near anchor_H_cur `near` and the rows, in px of the anchor."""
+        if isinstance(self._method, RowMethod):
+            return self._method.measure(gray, near, rows)
+        return self._method.match(gray, near, self.trust)
 
     @cached_property
     def _search(self) -> FrameSearch:

@@ -1,4 +1,4 @@
-"""Search around an expected position at full size: interrogation areas of one frame, each in its search area of another.
+"""Search at full size around an expected position: interrogation areas of a frame, each in a search area of another.
 
 A fine texture, as gravel, does not survive shrinking, so neither an image pyramid nor features of reduced images find
 it again. Direct cross-correlation of areas as in particle image velocimetry does: an area of 64x64 px holds enough

@@ -19,8 +19,8 @@ from stab_ros.estimation import estimators
 from stab_ros.methods import spread
 from stab_ros.methods.direct import DirectConfig
 from stab_ros.methods.patches import Patches, cut_patches, measure_patches
-from stab_ros.tracking.frozen_blocks import FrozenBlocks
 from stab_ros.tracking.frame_search import FrameSearch
+from stab_ros.tracking.frozen_blocks import FrozenBlocks
 from stab_ros.tracking.full_size_features import FullSizeFeatures
 from stab_ros.tracking.phase_correlation import PhaseCorrelation
 from stab_ros.tracking.reference import is_textured
@@ -75,9 +75,10 @@ class _Measured:
 
 @dataclass(frozen=True, eq=False)
 class _Followed:
-    """A frame in which the features were found. small: reduced for the flow. at_px: (N, 2) where they are, or should be.
+    """A frame in which the features were found.
 
-    step_px: (N, 2) since the frame before it. own_px: (N, 2), the part of it that is not common to most features.
+    small: reduced for the flow. at_px: (N, 2) where they are, or should be. step_px: (N, 2) since the frame before it.
+    own_px: (N, 2), the part of it that is not common to most features.
     """
 
     small: Gray
@@ -176,7 +177,8 @@ class FeatureTracks:
     def _located(self, gray: Gray, near: Homography) -> Iterator[Homography]:
         """ref_H_cur of most features, by whatever finds the frame in the reference."""
         centre_px = np.array(self._search.size) / 2
-        seen = self._rows[-1].seen if self._rows and self._rows[-1].seen.any() else np.ones(len(self.reference_px), bool)
+        before = self._rows[-1].seen if self._rows else self._unseen.seen
+        seen = before if before.any() else ~before
         searches: tuple[Callable[[], Homography | None], ...] = (
             lambda: self._search.by_areas(gray, near, self.reference_px[seen], _SEARCH_PX),
             lambda: self._search.by_full_size(FullSizeFeatures.of(gray, centre_px), centre_px, everywhere),

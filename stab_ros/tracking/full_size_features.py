@@ -29,7 +29,10 @@ _LEAST = 6
 
 @dataclass(frozen=True, eq=False)
 class FullSizeFeatures:
-    """Key points of a window. centre_px: (2,), around which it was asked for. px: (N, 2) in the image. descriptor: (N, 32) uint8."""
+    """Key points of a window.
+
+    centre_px: (2,), around which it was asked for. px: (N, 2) in the image. descriptor: (N, 32) uint8.
+    """
 
     NEAR_PX: ClassVar[float] = 64.0  # windows whose centres are closer show the same
 
@@ -47,7 +50,8 @@ class FullSizeFeatures:
         points, descriptor = orb.compute(window, [points[k] for k in _even(points, window.shape).tolist()])
         if not points:
             return FullSizeFeatures(centre_px, np.empty((0, 2)), np.empty((0, 32), np.uint8))
-        return FullSizeFeatures(centre_px, np.array([point.pt for point in points]) + (left, top), np.asarray(descriptor))
+        px = np.array([point.pt for point in points]) + np.array([left, top])
+        return FullSizeFeatures(centre_px, px, np.asarray(descriptor))
 
     def __len__(self) -> int:
         return len(self.px)

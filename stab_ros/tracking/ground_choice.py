@@ -158,7 +158,8 @@ def _cues(planes: list[Plane], seen: Observations) -> list[_Cues]:
         features_px = seen.reference_px[plane.member]
         hull = np.asarray(cv2.convexHull(features_px.astype(np.float32)).reshape(-1, 2))
         found.append(_Cues(persistence, hull, features_px, drift_px(plane.last, seen.size), seen.size[0],
-                           float(seen.elapsed_s[-1]), plane.at_rest, _motion_odds(plane, seen), _scattered_odds(plane, seen)))
+                           float(seen.elapsed_s[-1]), plane.at_rest, _motion_odds(plane, seen),
+                           _scattered_odds(plane, seen)))
     return found
 
 

@@ -8,7 +8,7 @@ its features are set aside, and the next is sought among the rest.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from stab_ros.estimation import estimators
 from stab_ros.estimation.problem import own_noise, strongest
 from stab_ros.tracking.feature_tracks import Trajectories
 
-_THRESHOLD_PX = 0.6
+THRESHOLD_PX = 0.6
 _OCTAVES = 3  # samples are ranked by the threshold, its half and its quarter: two planes must not pass for one
 _SCATTERS = 4.0  # the features of a plane lie within so many times their median distance from it
 _QUARTERS = 4
@@ -60,30 +60,33 @@ class Plane:
         return np.asarray(self.ref_H_cur[np.flatnonzero(~np.isnan(self.ref_H_cur[:, 0, 0]))[-1]])
 
 
-def find_planes(trajectories: Trajectories, among: BoolArray | None = None) -> list[Plane]:
+def find_planes(trajectories: Trajectories, among: BoolArray | None = None,
+                threshold_px: float = THRESHOLD_PX) -> list[Plane]:
     """The planes that the features move with, the largest first; none where too few features were followed.
 
-    among: (N,) bool, which features can belong to one; None: all.
+    among: (N,) bool, which features can belong to one; None: all. threshold_px: largest residual of a feature without
+    noise.
     """
     quarters = _quarter_frames(trajectories)
     if not len(quarters):
         return []
     kept: BoolArray = np.all(trajectories.seen[quarters], axis=0)
     kept = kept if among is None else kept & among
-    planes = _planes(trajectories, quarters, kept, 1.0)
+    planes = _planes(trajectories, quarters, kept, threshold_px)
     for scatter in _SCATTERED if _largest_share(planes, kept) < _FEW else ():
-        wider = _planes(trajectories, quarters, kept, scatter)
+        wider = _planes(trajectories, quarters, kept, scatter * threshold_px)
         if _largest_share(wider, kept) > _MANY_MORE * _largest_share(planes, kept):
-            planes = wider
+            planes = [replace(plane, scatter=scatter) for plane in wider]
     return planes
 
 
-def _planes(trajectories: Trajectories, quarters: IdArray, left: BoolArray, scatter: float) -> list[Plane]:
-    """The planes among the features `left`, (N,) bool, the largest first. scatter: of `Plane`."""
+def _planes(trajectories: Trajectories, quarters: IdArray, left: BoolArray, threshold_px: float) -> list[Plane]:
+    """The planes among the features `left`, (N,) bool, the largest first."""
     planes: list[Plane] = []
     least = max(LEAST_FEATURES, int(_LEAST_SHARE * len(left)))
     while left.sum() >= least and len(planes) < _MOST_PLANES:
-        plane = _widened(trajectories, _largest(trajectories, quarters, left, scatter), quarters, left, scatter)
+        largest = _largest(trajectories, quarters, left, threshold_px)
+        plane = _widened(trajectories, largest, quarters, left, threshold_px)
         if plane is None or len(plane) < least:
             break
         planes.append(plane)
@@ -102,13 +105,12 @@ def _quarter_frames(trajectories: Trajectories) -> IdArray:
     return np.unique(followed[np.clip(np.round(at).astype(int), 0, None)]) if len(followed) else followed
 
 
-def _largest(trajectories: Trajectories, quarters: IdArray, left: BoolArray, scatter: float) -> BoolArray:
+def _largest(trajectories: Trajectories, quarters: IdArray, left: BoolArray, threshold_px: float) -> BoolArray:
     """(N,) bool: the largest group of `left` that agrees with the similarity of two features in all four frames."""
     which = np.flatnonzero(left)
     start = trajectories.reference_px[which]
     moved = np.stack([apply(trajectories.shapes[f], trajectories.current_px[f, which]) for f in quarters])
     noise = np.stack([noises(trajectories.information[f, which]) for f in quarters])
-    threshold_px = scatter * _THRESHOLD_PX
     samples = np.random.default_rng(_SEED).integers(0, len(which), (_SAMPLES, 2))
     best = _best_sample(samples, start, moved, noise, threshold_px, _OCTAVES)
     member = np.zeros(len(left), bool)
@@ -157,9 +159,9 @@ def _best_sample(samples: IdArray, start: FloatArray, moved: FloatArray, noise: 
 
 
 def _widened(trajectories: Trajectories, member: BoolArray, quarters: IdArray, left: BoolArray,
-             scatter: float) -> Plane | None:
+             threshold_px: float) -> Plane | None:
     """The plane that the members lie on, with all that is `left` and agrees, and its homography in every frame."""
-    threshold_px = reach_px = scatter * _THRESHOLD_PX
+    reach_px = threshold_px
     for _ in range(_WIDENING):
         fitted = np.stack([_fitted(trajectories, f, member, threshold_px) for f in quarters])
         if np.isnan(fitted).any():
@@ -169,7 +171,7 @@ def _widened(trajectories: Trajectories, member: BoolArray, quarters: IdArray, l
         agrees = np.stack([_agreeing(trajectories, f, H, reach_px) for f, H in zip(quarters, fitted, strict=True)])
         member = left & agrees.all(axis=0)
     ref_H_cur = np.stack([_fitted(trajectories, f, member, threshold_px) for f in range(len(trajectories.shapes))])
-    return Plane(left & _persistent(trajectories, ref_H_cur, reach_px), ref_H_cur, scatter=scatter)
+    return Plane(left & persistent(trajectories, ref_H_cur, reach_px), ref_H_cur)
 
 
 def _reach_px(trajectories: Trajectories, frame: int, ref_H_cur: Homography, member: BoolArray,
@@ -194,7 +196,7 @@ def _agreeing(trajectories: Trajectories, frame: int, ref_H_cur: Homography, rea
     return np.asarray(trajectories.seen[frame] & close)
 
 
-def _persistent(trajectories: Trajectories, ref_H_cur: FloatArray, reach_px: float) -> BoolArray:
+def persistent(trajectories: Trajectories, ref_H_cur: FloatArray, reach_px: float) -> BoolArray:
     """(N,) bool: which features are seen in most of the frames and agree with the plane in nearly all of these."""
     known = np.flatnonzero(~np.isnan(ref_H_cur[:, 0, 0]))
     seen = trajectories.seen[known].sum(axis=0)

@@ -1,7 +1,7 @@
 """Where a frame is looked for: initial guesses of its homography, in growing order of cost.
 
-A usual frame pays for the first only. Each of the others is limited in its number of pixels or features, so that a frame
-that is found nowhere costs about ten tracked ones at any size.
+A usual frame pays for the first only. Each of the others is limited in its number of pixels or features, so that a
+frame that is found nowhere costs at most about ten tracked ones at any size.
 """
 
 from __future__ import annotations

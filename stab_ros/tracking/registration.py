@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stab_ros.core.geometry import apply, is_plausible, rms_distance, sigma_px
+from stab_ros.core.row_shifts import RowShifts
 from stab_ros.core.types import BoolArray, Correspondences, Fit, FloatArray, Homography, LostReason
 from stab_ros.estimation import estimators
 from stab_ros.estimation.aliasing import with_aliasing
 from stab_ros.estimation.models import PARAMETERS, Basis
 from stab_ros.estimation.problem import TRUSTED
+from stab_ros.estimation.rows import fit_rows
 from stab_ros.methods import METHODS
 from stab_ros.tracking.anchor_pose import AnchorPose
 from stab_ros.tracking.frozen_blocks import no_better
@@ -85,8 +87,14 @@ class Registration:
         fit = estimators.fit(pairs, model, config.estimator, self.threshold_px, guess, trust, config.ransac_threshold)
         return None if fit is None else with_aliasing(fit, pairs)
 
+    def solve_rows(self, pairs: Correspondences, guess: Homography, trust: FloatArray,
+                   rows: RowShifts | None) -> Fit | None:
+        """As `solve`, with displacements of the rows, from `rows` on; None where held-out features confirm none."""
+        found = fit_rows(pairs, trust, self.config.model, self.threshold_px, guess, self.size, rows)
+        return found.fit if found is not None and found.holds else None
+
     def _tilted(self, fit: Fit, pairs: Correspondences) -> Fit:
-        """A similarity with the uncertainty of what it leaves out: each of the other four parameters is 0 by a prior."""
+        """A similarity with the uncertainty of what it leaves out: by a prior, the other four parameters are 0."""
         width, height = self.size
         around = Basis("projective", pairs.reference_px[fit.inlier].mean(axis=0), float(np.hypot(width, height)) / 2)
         left_out = around.entry_jacobian(fit.ref_H_cur)[:, PARAMETERS[_SIMPLE] :] * self._tilt_px

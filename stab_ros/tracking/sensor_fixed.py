@@ -83,7 +83,8 @@ class InPlaceCheck:
         which = np.arange(self._turn % step, len(self._patches), step)
         self._turn += 1
         centres = self._patches.centres[which].astype(np.float64)
-        return which[np.hypot(*(apply(anchor_H_cur, centres) - centres).T) > _MOVED_PX]
+        away_px: FloatArray = np.hypot(*(apply(anchor_H_cur, centres) - centres).T)
+        return which[away_px > _MOVED_PX]
 
 
 def fixed_area(points_px: FloatArray, size: tuple[int, int]) -> BoolArray:

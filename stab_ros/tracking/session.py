@@ -9,7 +9,8 @@ import numpy as np
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import rms_distance, sigma_px
-from stab_ros.core.types import Correspondences, Fit, Gray, Homography, LostReason, State, Track
+from stab_ros.core.types import Correspondences, Fit, FloatArray, Gray, Homography, LostReason, State, Track
+from stab_ros.estimation.rows import straightened
 from stab_ros.tracking.anchor import Anchor, AnchorFactory, Solve
 from stab_ros.tracking.anchor_pose import AT_REFERENCE, AnchorPose
 from stab_ros.tracking.frame_stamp import FrameStamp
@@ -20,11 +21,14 @@ from stab_ros.tracking.parallax import Parallax
 from stab_ros.tracking.recovery import Recovery
 from stab_ros.tracking.reference import Reference, is_textured
 from stab_ros.tracking.registration import Registration
+from stab_ros.tracking.rolling_shutter import RollingShutter, with_rows
+from stab_ros.tracking.row_registration import RowRegistration
 from stab_ros.tracking.settings import StabilizerConfig
 from stab_ros.tracking.start_buffer import BufferedFrame, StartBuffer, StartResult
 from stab_ros.tracking.static_map import StaticMap
 from stab_ros.tracking.strategies import Adjacent, Fixed, Strategy, Updated
 
+_SPARED_SHARE = 0.5  # of the trusted features of an anchor
 _SINGLE = {"fixed": Fixed, "updated": Updated, "adjacent": Adjacent}  # the strategies that keep one anchor
 
 _USUAL = 0.75  # of the usual share of inliers: with fewer, a frame is looked for elsewhere, too
@@ -48,8 +52,8 @@ class Session:
     """Registers frames to one reference.
 
     reset_counter: how often a reference was replaced before, or the choice of ground turned. found: number of frames
-    that matched the reference so far, within the start-up each by the square of the share
-    of features that it shows, since some of them match by chance. last_match: the matches of the last frame, and what was fitted to them.
+    that matched the reference so far, within the start-up each by the square of the share of features that it shows,
+    since some of them match by chance. last_match: the matches of the last frame, and what was fitted to them.
     """
 
     def __init__(self, reference: Reference, anchor: Anchor, factory: AnchorFactory, config: StabilizerConfig,
@@ -59,6 +63,7 @@ class Session:
         self.ground = Ground(factory.allowed, static_map)
         self.motion = CameraMotion(reference.frame.size, np.eye(3), time_ns)
         self.parallax = Parallax(reference.frame.size)
+        self.rolling_shutter = RollingShutter()
         self.last_match: tuple[Correspondences, Fit | None] | None = None
         self._factory, self._registration = factory, Registration(config, self.reference.frame.size)
         self._strategy = self._strategy_of(anchor, config, factory)
@@ -71,7 +76,7 @@ class Session:
         return len(self._strategy) if isinstance(self._strategy, Keyframes) else 0
 
     def track(self, stamp: FrameStamp, gray: Gray) -> Track:
-        """The answer to a frame, (h, w) uint8: by the first guess that gives a usual registration, else the best one."""
+        """The answer to a frame, (h, w) uint8: by the first guess that registers it as usual, else the best."""
         attempts: list[_Attempt] = []
         for anchor, guess in self._recovery.guesses(self._strategy, self.motion, gray, stamp.time_ns):
             attempts.append(self._attempt(anchor, gray, guess))
@@ -101,12 +106,12 @@ class Session:
 
     def buffer(self, duration_ns: int, time_ns: int) -> bool:
         """Buffers the frames from here on, until it is known what is ground; whether there is anything to find out."""
-        start = StartBuffer(self.reference, self._factory.allowed, time_ns, duration_ns)
+        start = StartBuffer(self.reference, self._factory.allowed, time_ns, duration_ns, self._seeks_rows)
         self.ground.buffer = start if start.useful else None
         return start.useful
 
     def follow(self, stamp: FrameStamp, gray: Gray) -> float:
-        """Buffers a frame, (h, w) uint8, of the start-up; the share of features that it shows, 0 outside of a start-up."""
+        """Buffers a frame, (h, w) uint8, of the start-up; the share of features that it shows."""
         shown = 0.0 if self.ground.buffer is None else self.ground.buffer.follow(stamp, gray)
         self.found += shown**2
         return shown
@@ -173,8 +178,17 @@ class Session:
         return _Attempt(anchor, pairs, fit, rejected, support.share if rejected is None else 0.0)
 
     def _register(self, anchor: Anchor, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
-        """Matches and a fit to them; from where that led, again, if it led far."""
+        """Matches and a fit to them, with displacements of the rows where they swing."""
         anchor.look(gray)
+        chains, swings = self._strategy.chains, self._seeks_rows and self.rolling_shutter.known
+        match = self._by_rows.near(anchor, gray, guess, chains) if swings else None
+        if match is not None:
+            return match
+        match = self._converged(anchor, gray, guess)
+        return self._by_rows.improved(anchor, gray, match, chains) if swings else match
+
+    def _converged(self, anchor: Anchor, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
+        """Matches and a fit to them; from where that led, again, if it led far."""
         for _ in range(_MOST_REGISTRATIONS):
             pairs, fit = anchor.register(gray, guess, self._solver(anchor), self._strategy.chains)
             if fit is None or pairs.ref_H_cur is None or self._has_converged(fit, pairs.ref_H_cur):
@@ -195,12 +209,21 @@ class Session:
         return lambda pairs, guess, trust: self._registration.solve(pairs, guess, trust,
                                                                     anchor.frozen[pairs.feature_id])
 
+    @property
+    def _seeks_rows(self) -> bool:
+        return self._registration.config.rolling_shutter == "auto"
+
+    @property
+    def _by_rows(self) -> RowRegistration:
+        return RowRegistration(self._registration, self.reference.frame.size)
+
     def _accepted(self, stamp: FrameStamp, anchor: Anchor, gray: Gray, pairs: Correspondences, fit: Fit) -> Track:
         """The answer to a registered frame, after which anchors, weights and ground are brought up to date."""
         self._strategy.registered(anchor, fit, lambda other: self._checked_by(other, anchor, gray, fit))
+        self._note_rows(pairs, anchor.trust[pairs.feature_id], fit)
         anchor.update_weights(gray, pairs, fit)
         self._find_fixed(anchor, gray, fit)
-        self.parallax.add(pairs, fit, self.ground.contains(pairs.reference_px))
+        self.parallax.add(straightened(pairs, fit.rows), fit, self.ground.contains(pairs.reference_px))
         self.ground.update(anchor)
         track = self._tracked(stamp, pairs, fit)
         self._recovery.keep(gray, fit.ref_H_cur)
@@ -208,8 +231,14 @@ class Session:
         self._reconsider(fit.ref_H_cur, stamp.time_ns)
         return track
 
+    def _note_rows(self, pairs: Correspondences, trust: FloatArray, fit: Fit) -> None:
+        if self._seeks_rows:
+            self.rolling_shutter.add(self._by_rows.residuals(pairs, trust, fit), fit.rows)
+
     def _checked_by(self, other: Anchor, anchor: Anchor, gray: Gray, fit: Fit) -> Fit | None:
-        """The same frame registered to another anchor, too; None if that is rejected."""
+        """The same frame registered to another anchor, too; None if that is rejected, or its rows have swung."""
+        if fit.rows is not None:
+            return None
         pairs, seen = other.register(gray, fit.ref_H_cur, self._solver(other), chain=False)
         if seen is None:
             return None
@@ -222,16 +251,21 @@ class Session:
         size = self.reference.frame.size
         covariance = self.ground.covariance(self._strategy.anchor.pose.accumulated(fit, size), fit.ref_H_cur,
                                             stamp.time_ns)
+        covariance = with_rows(covariance, fit.ref_H_cur, fit.rows)
         return Track(State.TRACKED, stamp.index, stamp.stamp_ns, self.reference.frame.stamp_ns, self.reset_counter,
                      len(pairs), int(fit.inlier.sum()), fit.ref_H_cur, covariance, fit.rmse_px,
-                     sigma_px(fit.ref_H_cur, covariance, size))
+                     sigma_px(fit.ref_H_cur, covariance, size), rows=fit.rows)
 
     def _extend(self, gray: Gray, fit: Fit) -> None:
-        """Makes the frame just registered an anchor if the strategy wants that and it has enough features."""
+        """Makes the frame just registered an anchor if the strategy wants that and it has enough features.
+
+        One whose rows have swung would pass that on, so the old anchor serves as long as enough of it is in view.
+        """
         config, old = self._registration.config, self._strategy.anchor
-        if not self._strategy.wants_anchor(fit.ref_H_cur, config):
+        wanted = self._strategy.wants_anchor(fit.ref_H_cur, config)
+        if not wanted or (fit.rows is not None and old.share_in_view(fit.ref_H_cur) > _SPARED_SHARE):
             return
-        pose = AnchorPose(fit.ref_H_cur, old.pose.accumulated(fit, old.size))
+        pose = AnchorPose(fit.ref_H_cur, with_rows(old.pose.accumulated(fit, old.size), fit.ref_H_cur, fit.rows))
         anchor = self._factory.at(gray.copy(), pose)
         if len(anchor.features_px) >= config.min_inliers:
             anchor.inherit_weights(old, self.ground.prior)
@@ -265,12 +299,18 @@ class Session:
         self.ground.decide(result)
         self._registration = dataclasses.replace(self._registration, scatter=result.scatter)
         self._set_prior_weights()
+        if result.rows_swing:
+            self.rolling_shutter.found()
         self.reset_counter += result.turned  # what was answered before does not belong to what follows
         tracks = [self._answer(frame, result) for frame in result.frames]
         return [dataclasses.replace(track, provisional=result.provisional) for track in tracks]
 
     def _answer(self, frame: BufferedFrame, result: StartResult) -> Track:
         fit = self._registration.solve(frame.pairs, frame.guess, frame.trust, frame.frozen)
+        if self._seeks_rows and self.rolling_shutter.known:
+            fit = self._by_rows.solve(frame.pairs, frame.guess, frame.trust) or fit
+        if fit is not None:
+            self._note_rows(frame.pairs, frame.trust, fit)
         self.last_match = frame.pairs, fit
         if fit is None:
             reason = _unfitted(frame.pairs)

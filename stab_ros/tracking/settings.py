@@ -45,6 +45,9 @@ class StabilizerConfig(Checked):
     threshold: float = setting(0.5, "Largest residual of an inlier of the final fit, px", 0.01, 20.0)
     ransac_threshold: float = setting(3.0, "Largest residual within the consensus that ed_ransac then filters by "
                                       "threshold, px", 0.01, 50.0)
+    rolling_shutter: str = setting("auto", "Rows that swing because the camera reads them one after the other while it "
+                                   "vibrates: corrected in image_stabilized where the features show it (auto), or not "
+                                   "looked for (off)", choices=("auto", "off"))
     start_s: float = setting(1.0, "Length of the start-up, in which frames are buffered until static ground is known, "
                              "s of header time; 0 where roi, exclude, points or static_map are given", 0.0, 60.0)
     min_inliers: int = setting(12, "A frame with fewer inliers is LOST", 1, 10000)

@@ -33,6 +33,7 @@ from stab_ros.tracking.frame_stamp import FrameStamp
 from stab_ros.tracking.ground_choice import CompetingHypothesis
 from stab_ros.tracking.parallax import Relief
 from stab_ros.tracking.preprocessing import Preprocessing
+from stab_ros.tracking.rolling_shutter import Swing
 from stab_ros.tracking.session import Session
 from stab_ros.tracking.settings import StabilizerConfig
 from stab_ros.tracking.setup import Setup
@@ -186,7 +187,7 @@ class Stabilizer:
         if H is None:
             return None
         camera, config = self._setup.preprocessing.camera, self._setup.config
-        return warp(frame.image, H, frame.size, config.interpolation, camera, config.window, allocate)
+        return warp(frame.image, H, frame.size, config.interpolation, camera, config.window, allocate, track.rows)
 
     def reset_reference(self) -> None:
         """Makes the next textured frame the reference."""
@@ -293,6 +294,11 @@ class Stabilizer:
     def relief(self) -> Relief | None:
         """The parallax that shows that the ground is no plane; None: none is seen."""
         return None if self._present is None else self._present.parallax.relief
+
+    @property
+    def swing(self) -> Swing | None:
+        """How far rows have swung by a rolling shutter; None: they have not."""
+        return None if self._present is None else self._present.rolling_shutter.swing
 
     @property
     def competing_hypothesis(self) -> CompetingHypothesis | None:

@@ -5,7 +5,7 @@ No images are kept, only the trajectory of each feature. Once the start-up is ov
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -16,8 +16,9 @@ from stab_ros.tracking.ambiguity import Ambiguity
 from stab_ros.tracking.feature_tracks import FeatureTracks, Trajectories
 from stab_ros.tracking.frame_stamp import FrameStamp
 from stab_ros.tracking.ground_choice import Choice, Observations, choose_ground
-from stab_ros.tracking.planes import LEAST_FEATURES, Plane, find_planes
+from stab_ros.tracking.planes import LEAST_FEATURES, THRESHOLD_PX, Plane, find_planes
 from stab_ros.tracking.reference import Reference, is_textured
+from stab_ros.tracking.row_motion import Straightened, regrown, without_rows
 from stab_ros.tracking.sensor_fixed import SensorFixed
 from stab_ros.tracking.static_map import StaticMap
 from stab_ros.tracking.support import Support, support_of
@@ -26,7 +27,8 @@ _LEAST_FEATURES = 48  # with fewer there is nothing to choose between
 # if less of it was seen, as where the first frames were dropped, it takes up to so many times as long
 _SEEN_SHARE, _PATIENCE = 0.5, 3
 _MOVED_PX = 1.5  # between a plane that is fixed to the camera and one that is not
-_AGREEING_PX, _AGREES, _SHOWN = 0.6, 0.7, 0.2  # where there is no plane: px; share of the frames seen in; of all frames
+# features that show no plane, but are where most are: px; in this share of the frames that show them; of all frames
+_AGREEING_PX, _AGREES, _SHOWN = 0.6, 0.7, 0.2
 _MOST_FRAMES = 120  # where time does not advance
 
 
@@ -59,9 +61,9 @@ class StartResult:
     """What the start-up has found.
 
     frames: those that have no answer yet. reference_px: (N, 2) all features. ground: (N,) bool, those on it.
-    fixed_px: (n, 2) features that are fixed to the camera. size: width, height of the reference, px. ambiguity: if another plane can be
-    the ground as well. turned: whether an earlier result took another plane for it. scatter: of that `Plane`. provisional:
-    too little was seen to be certain.
+    fixed_px: (n, 2) features that are fixed to the camera. size: width, height of the reference, px. ambiguity: if
+    another plane can be the ground as well. turned: whether an earlier result took another plane for it. scatter: of
+    that `Plane`. provisional: too little was seen to be certain. rows_swing: by a rolling shutter.
     """
 
     frames: list[BufferedFrame]
@@ -74,20 +76,26 @@ class StartResult:
     turned: bool
     scatter: float
     provisional: bool
+    rows_swing: bool
 
     def support(self, pairs: Correspondences, fit: Fit) -> Support:
         """How much of the ground in view agrees with a fit to matches of the features."""
         agrees = np.zeros(len(self.ground), bool)
         agrees[pairs.feature_id[fit.inlier]] = True
         shown = self.ground & inside(apply(np.linalg.inv(fit.ref_H_cur), self.reference_px), self.size)
-        return support_of(self.reference_px[shown], np.ones(np.sum(shown)), agrees[shown], self.size)
+        return support_of(self.reference_px[shown], np.ones(int(shown.sum())), agrees[shown], self.size)
 
 
 class StartBuffer:
     """Follows the features of the reference through the frames after it."""
 
-    def __init__(self, reference: Reference, allowed: BoolArray, start_ns: int, duration_ns: int) -> None:
-        """allowed: (h, w) bool, where ground can be. start_ns: time of the reference. duration_ns: from there on."""
+    def __init__(self, reference: Reference, allowed: BoolArray, start_ns: int, duration_ns: int,
+                 seek_rows: bool) -> None:
+        """allowed: (h, w) bool, where ground can be. start_ns: time of the reference. duration_ns: from there on.
+
+        seek_rows: whether rows may swing by a rolling shutter.
+        """
+        self._seek_rows = seek_rows
         self._size, self._start_ns, self._duration_ns = reference.frame.size, start_ns, duration_ns
         self._tracks = FeatureTracks(reference.gray, allowed)
         self._stamps: list[FrameStamp] = []
@@ -133,7 +141,7 @@ class StartBuffer:
         return self._stamps[self._answered :]
 
     def follow(self, stamp: FrameStamp, gray: Gray) -> float:
-        """Takes the next frame, (h, w) uint8; the share of the features that it shows, 0 if it could not be followed."""
+        """Takes the next frame, (h, w) uint8; the share of the features that it shows, 0 if it is not followed."""
         shown = self._tracks.follow(gray)
         self._textured.append(shown > 0 or is_textured(gray))
         self._sensor.add(gray)
@@ -149,31 +157,36 @@ class StartBuffer:
         provisional: the start-up is not over; then any other plane counts as a competing hypothesis.
         """
         trajectories = self._tracks.trajectories()
-        choice = self._choice(trajectories, provisional)
+        straight = without_rows(trajectories, self._size) if self._seek_rows else None
+        choice = self._choice(straight or Straightened(trajectories, THRESHOLD_PX), provisional)
+        if straight is not None:
+            choice = replace(choice, ground=regrown(choice.ground, trajectories, self._size))
         member, before = choice.ground.member, self._ground
         turned = before is not None and 2 * np.sum(member & before) < min(np.sum(member), np.sum(before))
         self._ground = member
         reference_px = trajectories.reference_px
         return StartResult(self._frames(choice.ground, trajectories), reference_px, member,
                            reference_px[self._fixed], self._map(choice.ground), self._ambiguity(choice), self._size,
-                           bool(turned), choice.ground.scatter, provisional or not self.enough)
+                           bool(turned), choice.ground.scatter, provisional or not self.enough, straight is not None)
 
-    def _choice(self, trajectories: Trajectories, provisional: bool) -> Choice:
+    def _choice(self, straight: Straightened, provisional: bool) -> Choice:
+        trajectories = straight.trajectories
         elapsed_s = (np.array([stamp.time_ns for stamp in self._stamps]) - self._start_ns) / 1e9
         seen = Observations(trajectories.reference_px, self._size, elapsed_s)
-        before_camera = self._before_camera(trajectories, seen, provisional)
+        before_camera = self._before_camera(straight, seen, provisional)
         if before_camera is not None:
             return before_camera
         self._fixed[:] = False
-        planes = find_planes(trajectories)
+        planes = find_planes(trajectories, threshold_px=straight.threshold_px)
         if not planes:
             return Choice(Plane(_with_shapes(trajectories), trajectories.shapes))
         return choose_ground(planes, seen, provisional)
 
-    def _before_camera(self, trajectories: Trajectories, seen: Observations, provisional: bool) -> Choice | None:
+    def _before_camera(self, straight: Straightened, seen: Observations, provisional: bool) -> Choice | None:
         """The choice if part of the picture is fixed to the camera; None where nothing is, or the camera is at rest."""
         fixed = self._fixed = self._sensor.features()
-        others = find_planes(trajectories, ~fixed) if fixed.any() else []
+        trajectories = straight.trajectories
+        others = find_planes(trajectories, ~fixed, straight.threshold_px) if fixed.any() else []
         if not any(_moves(plane, seen) for plane in others):
             return None
         at_rest = Plane(fixed, np.tile(np.eye(3), (len(trajectories.shapes), 1, 1)), at_rest=True)

@@ -18,7 +18,7 @@ _SOLID = 0.5  # of the weight in a cell, and of that of all inliers
 class Support:
     """The weight of features.
 
-    agreeing: of the inliers. expected: of those that should be. solid: of the inliers around which most others are, too.
+    agreeing: of the inliers. expected: of those that should be. solid: of the inliers around which most others are so.
     """
 
     agreeing: float

@@ -1,4 +1,4 @@
-"""Fine gravel with known homographies: grains of two or three pixels, of which nothing is left once they are averaged."""
+"""Fine gravel with known homographies: grains of two or three px, of which nothing is left once they are averaged."""
 
 from __future__ import annotations
 

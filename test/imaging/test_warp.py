@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stab_ros.core.geometry import apply, shift
+from stab_ros.core.row_shifts import RowShifts
 from stab_ros.core.threads import use_threads
 from stab_ros.core.types import FloatArray, Homography, Image
 from stab_ros.imaging.camera import Camera
@@ -157,3 +158,64 @@ def test_a_smaller_picture_through_a_lens() -> None:
     assert np.abs(off[inner]).mean() < 2  # one of them is interpolated in the small picture
     shift_px = np.linalg.lstsq(np.stack([slope[inner].ravel() for slope in slopes], axis=1), off[inner].ravel())[0]
     assert np.abs(shift_px).max() < 0.01
+
+
+def curve(height: int, most_px: float, seed: int = 0) -> RowShifts:
+    return RowShifts(np.random.default_rng(seed).uniform(-most_px, most_px, (12, 2)), height)
+
+
+@pytest.mark.parametrize("kind", list(KINDS))
+@pytest.mark.parametrize(("deg", "tilt"), [(0.0, 0.0), (1.5, 2e-5), (90.0, 0.0)])
+def test_rows_are_put_back_as_when_each_row_is_looked_up(kind: str, deg: float, tilt: float) -> None:
+    """Place by place: the row that shows it is found by bisection, then interpolated in double precision."""
+    size = (331, 203)
+    H, rows = turned(size, deg, 3.4, -2.6, 1.01, tilt), curve(size[1], 2.0)
+    image = np.asarray(cv2.GaussianBlur(noise(size, kind), (0, 0), 2))
+    made = warp(image, H, size, "linear", None, rows=rows)
+    x, y = np.meshgrid(np.arange(size[0], dtype=float), np.arange(size[1], dtype=float))
+    belongs = apply(np.linalg.inv(H), np.stack([x.ravel(), y.ravel()], axis=1))
+    low, high = belongs[:, 1] - 9, belongs[:, 1] + 9
+    for _ in range(60):
+        middle = (low + high) / 2
+        short = middle + rows.at(middle)[:, 1] < belongs[:, 1]
+        low, high = np.where(short, middle, low), np.where(short, high, middle)
+    at_px = belongs - rows.at(low)
+    inner = ((at_px > 1) & (at_px < np.array(size) - 2)).all(axis=1).reshape(size[::-1])
+    assert inner.mean() > 0.3
+    expected = np.stack([_bilinear(plane, at_px) for plane in cv2.split(image)], axis=-1).reshape(made.shape)
+    assert (np.abs(made - expected)[inner] / (257 if kind == "mono16" else 1)).max() <= OPENCV_OFF
+    assert (made.shape, made.dtype) == (image.shape, image.dtype)
+
+
+def _bilinear(plane: Image, at_px: FloatArray) -> FloatArray:
+    at = np.clip(at_px, 0, np.array(plane.shape[::-1]) - 1.001)
+    column, row = np.floor(at).astype(int).T
+    fx, fy = (at - np.floor(at)).T
+    upper = plane[row, column] * (1 - fx) + plane[row, column + 1] * fx
+    return np.asarray(upper * (1 - fy) + (plane[row + 1, column] * (1 - fx) + plane[row + 1, column + 1] * fx) * fy)
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.6, 0.25])
+@pytest.mark.parametrize("lens", [False, True])
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_rows_that_all_move_alike_are_a_shift(scale: float, lens: bool, interpolation: str) -> None:
+    """With a lens, an output window and a smaller picture."""
+    size, window = (640, 480), Window.of("20, -10, 560, 420", scale)
+    K = np.array([[500.0, 0, 320], [0, 500, 240], [0, 0, 1]])
+    camera = Camera(K, np.array([-0.25, 0.08, 0, 0, 0]), "plumb_bob", size) if lens else None
+    image, H = cv2.GaussianBlur(noise(size, "bgr8"), (0, 0), 4), turned(size, 0.5, 4.0, 3.0)
+    alike = RowShifts(np.tile([1.75, -2.25], (9, 1)), size[1])
+    made = warp(image, H, size, interpolation, camera, window, rows=alike)
+    expected = warp(image, H @ shift(1.75, -2.25), size, interpolation, camera, window)
+    assert made.shape == expected.shape
+    assert np.abs(made.astype(int) - expected).max() <= 2
+
+
+def test_rows_the_same_with_any_number_of_threads() -> None:
+    size = (640, 480)
+    image, H, rows, made = noise(size), turned(size, 0.7, 12.3, -4.5), curve(480, 2.0), []
+    for threads in (1, 3):
+        use_threads(threads)
+        made.append(warp(image, H, size, "linear", None, rows=rows))
+    use_threads(0)
+    np.testing.assert_array_equal(made[0], made[1])

@@ -1,4 +1,4 @@
-"""What the user is told of ambiguous ground, of parallax, of lost frames and of what moves with the camera."""
+"""What the user is told of ambiguous ground, parallax, rows that swing, lost frames and what moves with the camera."""
 
 from __future__ import annotations
 
@@ -7,10 +7,20 @@ import pytest
 from truth import frame, picture
 
 from stab_ros.core.types import LostReason
-from stab_ros.io.advice import FixedToCamera, ambiguous_ground, by_reason, often_lost, parallax, to_try
+from stab_ros.io.advice import (
+    FixedToCamera,
+    ambiguous_ground,
+    by_reason,
+    often_lost,
+    parallax,
+    remarks,
+    rolling_shutter,
+    to_try,
+)
 from stab_ros.tracking.ground_choice import CompetingHypothesis
 from stab_ros.tracking.parallax import Relief
 from stab_ros.tracking.planes import Plane
+from stab_ros.tracking.rolling_shutter import Swing
 
 
 def test_advice_says_what_was_found_and_what_to_do() -> None:
@@ -50,3 +60,12 @@ def test_what_moves_with_the_camera_is_told_once_for_each_reference() -> None:
                                          "borders) and is not used as ground")
     assert fixed.news(first, 0.2) == ""
     assert fixed.news(second, 0.2).startswith("20.0 % of the picture")
+    assert rolling_shutter(Swing(71, 1.25)) == (
+        "rolling shutter: the rows of 71 frames swing by up to 1.25 px; image_stabilized corrects it, homographies "
+        "alone do not, sigma_px includes what they leave")
+
+
+def test_each_reason_is_told_once() -> None:
+    assert remarks(None, None, None) == []
+    assert remarks(None, Relief(0.25, 30.0), Swing(3, 0.5)) == [parallax(Relief(0.25, 30.0)),
+                                                                rolling_shutter(Swing(3, 0.5))]

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from message_makers import HEADER
 from rclpy.serialization import deserialize_message
 
+from stab_ros.core.row_shifts import RowShifts
 from stab_ros.core.types import FloatArray, LostReason, State, Track
 from stab_ros.io.cdr import read_stamp
 from stab_ros.io.diagnostics_message import read_values
@@ -29,11 +31,17 @@ def test_track_in_full() -> None:
     covariance = track(TILTED).covariance
     assert covariance is not None
     assert list(values) == ["state", "reference_stamp_ns", "reset_counter", "matches", "inliers", "rmse_px", "sigma_px",
-                            "covariance", "offset", "scale", "provisional", "lost_reason"]
+                            "covariance", "offset", "scale", "provisional", "rows_px", "lost_reason"]
     assert [float(number) for number in values.pop("covariance").split()] == list(covariance[np.triu_indices(8)])
     assert list(values.values()) == ["TRACKED", "5", "1", "40", "38", "0.1", "0.02", "0 0", "1", "false", ""]
     assert deserialize_message(cdr, DiagnosticArray).status[0].level == b"\x00"
     assert read_stamp(cdr) == HEADER.stamp_ns
+
+
+def test_track_tells_how_far_rows_have_swung() -> None:
+    rows = RowShifts(np.tile([3.0, 4.0], (8, 1)), 100)
+    values = read_values(track_cdr(replace(track(TILTED), rows=rows), HEADER))
+    assert float(values["rows_px"]) == pytest.approx(5.0)
 
 
 def test_track_while_lost_leaves_the_unknown_empty() -> None:

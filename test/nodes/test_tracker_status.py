@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from stab_ros.core.types import LostReason, State, Track
-from stab_ros.io.advice import ambiguous_ground, parallax
+from stab_ros.io.advice import ambiguous_ground, parallax, rolling_shutter
 from stab_ros.nodes.tracker_status import TrackerStatus
 from stab_ros.tracking.ground_choice import CompetingHypothesis
 from stab_ros.tracking.parallax import Relief
 from stab_ros.tracking.planes import Plane
+from stab_ros.tracking.rolling_shutter import Swing
 
 SECOND_NS = 10**9
 
@@ -35,7 +36,7 @@ def test_status_counts_what_happens() -> None:
         "lost_reason": "",
         "frames_dropped": "3", "frames_refused": "0", "frames_before": "0", "matches": "50", "inliers": "45",
         "rmse_px": "0.25", "sigma_px": "0.125", "latency_ms": "12.346", "reset_counter": "0", "ground": "undecided",
-        "rival_share": "", "parallax_px": "", "parallax_deg": "",
+        "rival_share": "", "parallax_px": "", "parallax_deg": "", "rows_px": "",
     }
 
 
@@ -54,15 +55,15 @@ def test_status_of_lost_refused_and_missing_frames() -> None:
     assert (stale.level, stale.message, stale.values["state"]) == (2, "no image for 5.0 s", "STALE")
 
 
-def test_ambiguous_ground_and_parallax_are_in_every_report() -> None:
+def test_ambiguous_ground_parallax_and_swinging_rows_are_in_every_report() -> None:
     status = TrackerStatus("direct", stale_ns=2 * SECOND_NS)
     status.on_track(a_track(State.TRACKED), latency_ns=1)
     plane = Plane(np.ones(4, bool), np.eye(3)[None])
     status.competing = CompetingHypothesis(plane, 0.25, (3.0, 0.0), (0.0, 0.0), (3.0, 4.0), 1.0, 1.0)
-    status.relief = Relief(0.125, 30.0)
+    status.relief, status.swing = Relief(0.125, 30.0), Swing(7, 0.5)
     for _ in range(2):
         report = status.report(SECOND_NS)
         assert report.level == 1
         assert report.message == "; ".join(
-            ["tracked", ambiguous_ground(status.competing), parallax(status.relief)])
-        assert (report.values["rival_share"], report.values["parallax_px"]) == ("0.25", "0.125")
+            ["tracked", ambiguous_ground(status.competing), parallax(status.relief), rolling_shutter(status.swing)])
+        assert [report.values[key] for key in ("rival_share", "parallax_px", "rows_px")] == ["0.25", "0.125", "0.5"]

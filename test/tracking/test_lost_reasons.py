@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from truth import IDENTITY, SIZE, flat, frame, picture, random_noise, translation
 
-from stab_ros.core.types import Fit, FloatArray, Gray, LostReason, State, Track
+from stab_ros.core.types import Correspondences, Fit, FloatArray, Gray, LostReason, State, Track
 from stab_ros.parameters.engines import make_stabilizer
 from stab_ros.tracking.anchor_pose import AT_REFERENCE
 from stab_ros.tracking.registration import Registration
 from stab_ros.tracking.settings import StabilizerConfig
+from stab_ros.tracking.support import Support
 
 UNMATCHED = {LostReason.NO_FEATURES, LostReason.FEW_INLIERS}
 MIRRORED = np.array([[-1.0, 0, SIZE[0] - 1], [0, 1, 0], [0, 0, 1]])
@@ -76,7 +77,10 @@ def test_a_fit_is_rejected_by_the_camera_the_number_and_the_uncertainty(
     fit: Fit, expected: LostReason | None
 ) -> None:
     registration = Registration(StabilizerConfig(min_inliers=5, min_inlier_share=0.2), SIZE)
-    assert registration.rejected(fit, AT_REFERENCE, 100.0) is expected
+    n = len(fit.inlier)
+    pairs = Correspondences(np.arange(n), np.zeros((n, 2)), np.zeros((n, 2)), np.tile(np.eye(2), (n, 1, 1)))
+    support = Support(agreeing=float(n), expected=100.0, solid=0.0)
+    assert registration.rejected(fit, AT_REFERENCE, pairs, np.ones(n), support) is expected
 
 
 def test_what_came_further_is_the_reason() -> None:

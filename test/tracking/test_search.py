@@ -7,7 +7,7 @@ import pytest
 from gravel import SIZE, gravel
 from truth import error_px, frame, random_noise, similarity, translation
 
-from stab_ros.core.geometry import rms_distance
+from stab_ros.core.geometry import apply, rms_distance
 from stab_ros.core.types import Homography
 from stab_ros.parameters.engines import make_stabilizer
 from stab_ros.tracking import agreement
@@ -40,7 +40,8 @@ def test_areas_beyond_the_radius_are_not_found() -> None:
     assert find_by_areas(gravel(HERE), gravel(far), HERE, GROUND, 96) is not None
 
 
-@pytest.mark.parametrize("H", [translation(160.0, 40.0), similarity(25.0, 1.1, 120.0, -60.0), similarity(170.0, 1.0, 20.0, 30.0)])
+@pytest.mark.parametrize("H", [translation(160.0, 40.0), similarity(25.0, 1.1, 120.0, -60.0),
+                               similarity(170.0, 1.0, 20.0, 30.0)])
 def test_features_at_full_size_find_fine_gravel_anywhere(H: Homography) -> None:
     found = FullSizeFeatures.of(gravel(HERE), CENTRE).locate(FullSizeFeatures.of(gravel(H), CENTRE))
     assert found is not None
@@ -49,7 +50,8 @@ def test_features_at_full_size_find_fine_gravel_anywhere(H: Homography) -> None:
 
 def test_features_at_full_size_find_nothing_in_noise_or_on_other_gravel() -> None:
     features = FullSizeFeatures.of(gravel(HERE), CENTRE)
-    for other in (random_noise(0, SIZE), random_noise(1, SIZE), gravel(HERE, seed=2), np.full(SIZE[::-1], 90, np.uint8)):
+    flat = np.full(SIZE[::-1], 90, np.uint8)
+    for other in (random_noise(0, SIZE), random_noise(1, SIZE), gravel(HERE, seed=2), flat):
         assert features.locate(FullSizeFeatures.of(other, CENTRE)) is None
 
 
@@ -66,12 +68,11 @@ def test_the_window_of_features_is_limited() -> None:
 
 def gusty(frames: int, seed: int) -> list[Homography]:
     """Steps of up to 20 px and a degree, each of another direction."""
-    draw, H = np.random.default_rng(seed), HERE
-    path = [HERE]
+    draw = np.random.default_rng(seed)
+    path: list[Homography] = [HERE]
     for _ in range(frames - 1):
-        turn, x, y = draw.uniform(-1, 1), *draw.uniform(-20, 20, 2)
-        H = similarity(turn, draw.uniform(0.99, 1.01), x, y) @ H if abs(H[:2, 2]).max() < 80 else HERE
-        path.append(H)
+        turn, scale, x, y = draw.uniform((-1, 0.99, -20, -20), (1, 1.01, 20, 20))
+        path.append(similarity(turn, scale, x, y) @ path[-1] if abs(path[-1][:2, 2]).max() < 80 else HERE)
     return path
 
 
@@ -107,9 +108,8 @@ def test_false_alarms_follow_the_binomial_distribution() -> None:
 def test_few_right_matches_among_many_wrong_ones_are_found() -> None:
     draw, H = np.random.default_rng(5), similarity(10.0, 1.1, 30.0, -20.0)
     right, wrong = draw.uniform(0, 900, (30, 2)), draw.uniform(0, 900, (270, 2))
-    seen = np.concatenate([right, wrong])
-    there = np.concatenate([right @ H[:2, :2].T + H[:2, 2] + draw.normal(0, 0.5, (30, 2)), draw.uniform(0, 900, (270, 2))])
-    found = agreement.motion(seen, there, 3.0, 900**2)
+    there = np.concatenate([apply(H, right) + draw.normal(0, 0.5, right.shape), draw.uniform(0, 900, wrong.shape)])
+    found = agreement.motion(np.concatenate([right, wrong]), there, 3.0, 900**2)
     assert found is not None
     assert rms_distance(found, H, (900, 900)) < 3.0
 
@@ -139,8 +139,9 @@ def test_a_step_beyond_the_last_seconds_motion_surprises() -> None:
         after_ns = motion.last_ns + 40_000_000
         expected = motion.predict(after_ns)
         assert motion.surprise(expected, after_ns) == 0
-    jump = translation(80.0, 0.0)
-    assert calm.surprise(jump, calm.last_ns + 40_000_000) > 5 * gusts.surprise(jump @ gusts.last, gusts.last_ns + 40_000_000)
+    calm_surprise, in_gusts = (motion.surprise(translation(80.0, 0.0) @ motion.last, motion.last_ns + 40_000_000)
+                               for motion in (calm, gusts))
+    assert calm_surprise > 5 * in_gusts
 
 
 def test_what_is_usual_grows_with_the_gap_and_needs_some_frames() -> None:
