@@ -1,6 +1,6 @@
 """Whether `sigma_px` holds by kinds of sequence: renderer, photographs, another renderer, and real videos.
 
-    python bench/error_bars.py [--videos FOLDER] [--only WORD] [--half chosen|kept] [--json FILE]
+    python bench/error_bars.py [--videos FOLDER] [--only WORD] [--half chosen|kept] [--json FILE] [--plot FILE]
 
 With exact truth: error over sigma. Real videos have none: there SIFT + MAGSAC++ at full size stands in, whose own error
 is told by leaving out parts of the picture, and two disjoint halves of the patches are compared. A camera that stands
@@ -291,10 +291,34 @@ def main() -> None:
     head = ("kind", "sequence", "off, px", "sigma, px", "off / sigma, median", "within 2 sigma, %", "frames", "lost")
     print(Table("By sequence", head, [one.row() for one in verdicts]).text())
     print(Table("By kind", head, [one.row() for one in together(verdicts)]).text())
+    if options.plot is not None:
+        plot(verdicts, options.plot)
     if options.json is not None:
         told = [{"kind": one.kind, "name": one.name, "kept": one.kept, "lost": one.lost,
                  "off_px": one.off_px.tolist(), "sigma_px": one.sigma_px.tolist()} for one in verdicts]
         options.json.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+
+
+def plot(verdicts: Sequence[Verdicts], path: Path) -> None:
+    """Error over sigma by kind: every frame, and the median."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    kinds = list(together(verdicts))[::-1]
+    figure, axes = pyplot.subplots(figsize=(9, 0.42 * len(kinds) + 1.2), dpi=110)
+    for height, one in enumerate(kinds):
+        ratio = one.ratio.clip(0.02, 20)
+        axes.plot(ratio, height + np.random.default_rng(1).uniform(-0.25, 0.25, len(ratio)), ".", ms=2, alpha=0.5)
+        axes.plot(np.median(ratio), height, "|", ms=18, mew=2, color="black")
+    axes.axvspan(0.7, 1.2, color="#dfeadf", zorder=0)
+    axes.axvline(2, color="black", ls="--", lw=1)
+    axes.set(xscale="log", xlim=(0.02, 20), xlabel="error / sigma; bar: median; dashed: 2 sigma",
+             yticks=range(len(kinds)), yticklabels=[one.kind for one in kinds])
+    figure.tight_layout()
+    figure.savefig(path)
+    pyplot.close(figure)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -305,6 +329,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--frames", type=int, default=30, help="of each sequence with truth")
     parser.add_argument("--film-frames", type=int, default=60, help="of each video")
     parser.add_argument("--json", type=Path, metavar="FILE", help="where to write all figures")
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="where to draw error over sigma by kind")
     return parser
 
 
