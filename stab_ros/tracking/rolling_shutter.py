@@ -68,7 +68,7 @@ class RollingShutter:
         Where rows swing but those of this frame were not confirmed, as they look alike in the reference, that is what
         both halves of its features share.
         """
-        if rows is not None or not self.known or not self._last:
+        if rows is not None or self.swing is None or not self.known:
             return with_rows(covariance, ref_H_cur, rows)
         return _inflated(covariance, ref_H_cur, np.eye(2) * max(self._last[-1].shared, 0.0))
 
