@@ -11,7 +11,7 @@ unexport PYTHONHOME PYTHONPATH LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTAT
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help install demo test test-fast check faults soak fuzz lint bench docs clean
+.PHONY: help install demo test test-fast check faults soak fuzz lies lint bench docs clean
 .DELETE_ON_ERROR:
 
 help:
@@ -21,6 +21,7 @@ help:
 	@echo "make faults  what must be survived: killed nodes, full disks, hostile bytes, cut links (as root, all of it)"
 	@echo "make soak    an hour of 1080p at 25 frames/s: memory, latency, and every frame accounted for"
 	@echo "make fuzz    a million damaged inputs for every reader"
+	@echo "make lies    random flights with known motion: where the tracker is wrong; FLIGHTS=100 SEED=1 JOBS=2"
 	@echo "make lint    lint and type check alone; make test-fast: the quick tests alone"
 	@echo "make bench   time a frame, step by step"
 	@echo "make docs    build the docs site into site/, every link and anchor checked"
@@ -50,6 +51,9 @@ soak: $(INSTALLED)
 
 fuzz: $(INSTALLED)
 	@$(PY) test/faults/fuzz.py --inputs 1000000
+
+lies: $(INSTALLED)
+	@$(PY) bench/lies/run.py --flights '$(or $(FLIGHTS),100)' --first '$(or $(SEED),1)' --jobs '$(or $(JOBS),2)'
 
 lint: $(INSTALLED)
 	$(PY) -m ruff check .

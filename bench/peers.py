@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stab_ros.core.types import FloatArray, Gray, Homography
+from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography
 
 FEATURES = 4000  # of both; without a limit SIFT finds ten times as many on such pictures and takes minutes to match
 _RATIO = 0.75  # Lowe (2004), section 7.1
@@ -45,16 +45,24 @@ class Peer:
 
     def ref_H_cur(self, gray: Gray) -> Homography | None:
         """None where OpenCV finds no homography."""
+        return self.homography(*self.matches(gray))[0]
+
+    def matches(self, gray: Gray) -> tuple[FloatArray, FloatArray]:
+        """Places (n, 2) in the frame and in the reference, px, of the features that pass the ratio test."""
         current_px, current = self._describe(gray)
         pairs = [pair for pair in self._matcher.knnMatch(current, self._reference, k=2) if len(pair) == 2]
         good = [first for first, second in pairs if first.distance < _RATIO * second.distance]
-        if len(good) < 4:
-            return None
         source = current_px[[match.queryIdx for match in good]]
-        target = self._reference_px[[match.trainIdx for match in good]]
-        H, _ = cv2.findHomography(source, target, self._recipe.estimator, _THRESHOLD_PX, maxIters=_ITERATIONS,
-                                  confidence=_CONFIDENCE)
-        return None if H is None else np.asarray(H, np.float64)
+        return source, self._reference_px[[match.trainIdx for match in good]]
+
+    def homography(self, source: FloatArray, target: FloatArray) -> tuple[Homography | None, BoolArray]:
+        """From source to target, each (n, 2), by the recipe's estimator, and which of them agree, (n,) bool."""
+        if len(source) < 4:
+            return None, np.zeros(len(source), bool)
+        H, inlier = cv2.findHomography(source, target, self._recipe.estimator, _THRESHOLD_PX, maxIters=_ITERATIONS,
+                                       confidence=_CONFIDENCE)
+        found = np.zeros(len(source), bool) if inlier is None else inlier.ravel().astype(bool)
+        return (None if H is None else np.asarray(H, np.float64)), found
 
     def _describe(self, gray: Gray) -> tuple[FloatArray, Any]:
         """Places (n, 2), px, and descriptors."""

@@ -40,6 +40,15 @@ class ErrorSample:
     half: int | None = None
     still: str = ""
 
+    @property
+    def kind(self) -> str:
+        """What is done to it."""
+        if self.spoil is not None:
+            return "blurred frames" if self.spoil in (_soft, _moved) else "fog and JPEG"
+        if self.half is not None or self.values:
+            return "few patches"
+        return "small or without noise" if self.size[0] < SMALL[0] or self.noise == 0 else "usual"
+
 
 def _fog(picture: Gray) -> Gray:
     """A third of the contrast, under the noise of the sensor."""
@@ -104,10 +113,10 @@ class UncertaintyCourse:
 
 def fly(one: ErrorSample, frames: int) -> UncertaintyCourse:
     """Tracks one sequence."""
-    flight = _flight(one, frames)
-    stabilizer = make_stabilizer({**one.values, **_area(one)})
+    flight = flight_of(one, frames)
+    stabilizer = make_stabilizer({**one.values, **area_of(one)})
     errors, sigmas, corners, lost = [], [], [], 0
-    tracks = [track for frame in _frames(one, flight) for track in stabilizer.answers(frame)]
+    tracks = [track for frame in frames_of(one, flight) for track in stabilizer.answers(frame)]
     for track in [*tracks, *stabilizer.finish()]:
         true = flight.ref_H_cur(track.index)
         if track.index == 0:
@@ -121,19 +130,22 @@ def fly(one: ErrorSample, frames: int) -> UncertaintyCourse:
     return UncertaintyCourse(one.name, np.array(errors), np.array(sigmas), np.array(corners), lost)
 
 
-def _flight(one: ErrorSample, frames: int) -> Flight:
+def flight_of(one: ErrorSample, frames: int) -> Flight:
+    """Its scene and camera."""
     still = cv2.imread(str(STILLS / one.still), cv2.IMREAD_GRAYSCALE) if one.still else None
     scene, banks = replace(preset(one.preset), noise_levels=one.noise), None if still is None else np.asarray(still)
     return Flight(scene, size=one.size, frames=frames, seed=one.seed, still=banks)
 
 
-def _frames(one: ErrorSample, flight: Flight) -> Iterator[Frame]:
+def frames_of(one: ErrorSample, flight: Flight) -> Iterator[Frame]:
+    """Its frames, spoilt as it says."""
     for shot in tqdm(flight, one.name, disable=None, leave=False):
         image = shot.image if one.spoil is None or shot.index == 0 else one.spoil(shot.image)
         yield Frame(image, "mono8", shot.stamp_ns)
 
 
-def _area(one: ErrorSample) -> dict[str, Value]:
+def area_of(one: ErrorSample) -> dict[str, Value]:
+    """The parameters that leave out its half."""
     if one.half is None:
         return {}
     (width, height), middle = one.size, one.size[1] // 2

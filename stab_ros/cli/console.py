@@ -32,6 +32,12 @@ def warn(warnings: Iterable[str]) -> None:
         say(f"warning: {warning}")
 
 
+def note(notes: Iterable[str]) -> None:
+    """Prints what is no reason to worry on stderr, one line each."""
+    for one in notes:
+        say(f"note: {one}")
+
+
 @contextmanager
 def progress_bar(unit: str) -> Iterator[Progress]:
     """A progress bar with rate and remaining time; it appears with the first item, on a terminal only."""

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from stab_ros.cli.console import DONE, progress_bar, quiet_libraries, warn
+from stab_ros.cli.console import DONE, note, progress_bar, quiet_libraries, warn
 from stab_ros.cli.options import INPUT, add_force, assignment, command, positive_float, positive_int
 
 
@@ -34,6 +34,7 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Runs the command and returns its exit code."""
+    from stab_ros.io.advice import by_reason
     from stab_ros.jobs.compiling import compile_shown
     from stab_ros.jobs.stabilize import Job, stabilize
     from stab_ros.parameters.file import read_config
@@ -45,9 +46,12 @@ def run(options: argparse.Namespace) -> int:
               not options.no_image, options.keep_raw, options.limit, options.fps, options.force)
     with quiet_libraries(), progress_bar("frames") as progress:
         summary = stabilize(job, progress, compile_shown)
+    note(summary.notes)
     warn(summary.warnings)
-    print(f"{summary.frames} frames: {summary.tracked} tracked, {summary.lost} lost, "
+    print(f"{summary.frames} frames: {summary.tracked} tracked, {summary.lost.total()} lost, "
           f"{summary.frames / summary.duration_s:.1f} frames/s")
+    if summary.lost:
+        print(f"lost {summary.lost.total()} of {summary.frames}: {by_reason(summary.lost)}")
     for name, path in (("bag", job.output), ("homographies", job.homographies), ("video", job.video)):
         if path is not None:
             print(f"{name + ':':13} {path}")

@@ -36,6 +36,29 @@ class State(Enum):
     LOST = "LOST"
 
 
+class LostReason(Enum):
+    """Why a frame was not registered, in the order of how far its registration came."""
+
+    UNUSABLE = "unusable image"  # it cannot be decoded, or does not fit the stream
+    UNANSWERED = "no answer"  # it was never tracked, so nothing is known of it
+    NO_TEXTURE = "no texture"
+    NO_FEATURES = "no features found"
+    FEW_INLIERS = "too few inliers"
+    IMPLAUSIBLE = "implausible"  # no camera moves so
+    UNCERTAIN = "too uncertain"
+
+    def or_further(self, other: LostReason) -> LostReason:
+        """Compares how far two registrations of one frame came.
+
+        Args:
+            other: of the other one.
+
+        Returns:
+            The reason of the one that came further.
+        """
+        return max(self, other, key=list(LostReason).index)
+
+
 @dataclass(frozen=True, eq=False)
 class Frame:
     """One image of a stream, decoded.
@@ -133,6 +156,8 @@ class Fit:
         rmse_px: root mean square distance of the inliers, reference side.
         consensus: size of the estimator's RANSAC consensus set before inliers are selected from it (FS of Zhang et al.
             2023, where the inliers are FP and their share in percent is CMR); None without such a stage.
+        model: the simpler transformation model that took the place of the one asked for, as the inliers did not support
+            it; "": none.
         rows: displacements of the frame's rows, added to its pixels before the homography; None: there are none.
     """
 
@@ -141,6 +166,7 @@ class Fit:
     covariance: FloatArray
     rmse_px: float
     consensus: int | None = None
+    model: str = ""
     rows: RowShifts | None = None
 
 
@@ -163,8 +189,12 @@ class Track:
         rmse_px: root mean square distance of the inliers, in pixels of the reference.
         sigma_px: one-sigma uncertainty of `ref_H_cur`, RMS over the 9x9 grid of the frame, px.
         provisional: whether the frame was answered before static ground was decided.
+        lost_reason: why the frame is LOST; None while TRACKED.
         rows: displacements of the frame's rows by a rolling shutter, to be added to pixels of the frame before
             `ref_H_cur` maps them; None: none are seen. `covariance` then includes what the homography alone leaves.
+
+    Raises:
+        ValueError: LOST without a reason, or TRACKED with one.
     """
 
     state: State
@@ -179,7 +209,12 @@ class Track:
     rmse_px: float | None = None
     sigma_px: float | None = None
     provisional: bool = False
+    lost_reason: LostReason | None = None
     rows: RowShifts | None = None
+
+    def __post_init__(self) -> None:
+        if self.tracked is not (self.lost_reason is None):
+            raise ValueError(f"a {self.state.value} frame with the reason {self.lost_reason}")
 
     @property
     def tracked(self) -> bool:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from stab_ros.core.geometry import rms_distance
-from stab_ros.core.types import FloatArray, Homography, State, Track
+from stab_ros.core.types import FloatArray, Homography, LostReason, State, Track
 from stab_ros.demo.replay import HOMOGRAPHY, STABILIZED, TRACK
 from stab_ros.io.bag import open_bag
 from stab_ros.io.camera_message import read_size
@@ -134,8 +134,10 @@ def write_table(path: Path, truth: Sequence[HomographyRow], answers: Answers) ->
 
 def _track(row: HomographyRow, ref_H_cur: Homography | None, values: Mapping[str, str]) -> Track:
     rmse_px, sigma_px = (float(values[key]) if values.get(key) else None for key in ("rmse_px", "sigma_px"))
+    reason = LostReason(values.get("lost_reason") or LostReason.UNANSWERED)
     return Track(
         State.LOST if ref_H_cur is None else State.TRACKED, row.frame, row.stamp_ns,
         int(values.get("reference_stamp_ns", 0)), int(values.get("reset_counter", 0)),
         int(values.get("matches", 0)), int(values.get("inliers", 0)), ref_H_cur, rmse_px=rmse_px, sigma_px=sigma_px,
+        lost_reason=reason if ref_H_cur is None else None,
     )  # fmt: skip

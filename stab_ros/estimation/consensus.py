@@ -9,7 +9,7 @@ import numpy as np
 
 from stab_ros.core.types import BoolArray, Fit, FloatArray, Homography
 from stab_ros.estimation import gauss_newton as gn
-from stab_ros.estimation.covariance import covariance_of, fit_least_squares
+from stab_ros.estimation.covariance import Sandwich, covariance_of, fit_least_squares
 from stab_ros.estimation.models import minimal_points
 from stab_ros.estimation.problem import LEAST_SQUARES, RANSAC, EstimationProblem
 from stab_ros.estimation.samples import best_sample, samples_needed
@@ -125,7 +125,8 @@ def _with_selection_variance(problem: EstimationProblem, first: Fit, fit: Fit) -
     spread_px = float(np.median(_residuals_px(problem, first.ref_H_cur)[chosen])) / _RAYLEIGH_MEDIAN
     u = problem.threshold_px**2 / (2 * max(spread_px, _MIN_DEVIATION_PX) ** 2)
     kept = u / math.expm1(min(u, _MAX_EXPONENT))
-    retained = covariance_of(problem, problem.restricted_to(fit.inlier).trust, fit.ref_H_cur, least=1 - kept)
+    retained = covariance_of(problem, problem.restricted_to(fit.inlier).trust, fit.ref_H_cur,
+                             Sandwich(least=1 - kept))
     if retained is None:
         return fit
     return dataclasses.replace(fit, covariance=kept**2 * first.covariance + retained)

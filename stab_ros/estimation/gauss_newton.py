@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from stab_ros.core.kernels import BOOL, F64, I64, filled, kernel, read
-from stab_ros.core.types import BoolArray, FloatArray, Homography
+from stab_ros.core.kernels import BOOL, F64, I64, kernel, read
+from stab_ros.core.types import BoolArray, FloatArray, Homography, IdArray
 
 _RIGID = 3  # parameters of the rigid model
 _SINGULAR = 1e-10  # smallest pivot of a matrix with a unit diagonal
@@ -52,6 +52,34 @@ def weights_of(ratio: FloatArray, table: FloatArray, beyond: float) -> FloatArra
     for i in range(len(ratio)):
         out[i] = look_up(table, ratio[i], beyond)
     return out
+
+
+@kernel((_TABLE, *_FEATURES, _STACK, _ROW, _ROW, _ROW, F64))
+def response(H: Homography, reference: FloatArray, current: FloatArray, information: FloatArray, metric: FloatArray,
+             trust: FloatArray, limit: FloatArray, table: FloatArray, beyond: float) -> float:
+    """Derivative of the sum of the scores w Omega e by a shift, as a share of what constant weights w would give.
+
+    w = table(u) with u = e^T M e / limit, M the metric; limit: (N,) px^2. So the derivative of w Omega e by e is
+    w Omega + 2 w'(u) Omega e (M e)^T / limit. Its trace counts, summed over the features.
+    """
+    constant, varying = 0.0, 0.0
+    squared, last = squared_residuals(H, reference, current, metric), len(table) - 1
+    for i in range(len(current)):
+        u = squared[i] / limit[i]
+        weight = trust[i] * look_up(table, u, beyond)
+        constant += weight * (information[i, 0, 0] + information[i, 1, 1])
+        if u >= 1:
+            continue
+        k = min(int(u * last), last - 1)
+        slope = trust[i] * (table[k + 1] - table[k]) * last
+        w = H[2, 0] * current[i, 0] + H[2, 1] * current[i, 1] + H[2, 2]
+        ex = reference[i, 0] - (H[0, 0] * current[i, 0] + H[0, 1] * current[i, 1] + H[0, 2]) / w
+        ey = reference[i, 1] - (H[1, 0] * current[i, 0] + H[1, 1] * current[i, 1] + H[1, 2]) / w
+        mx, my = metric[i, 0, 0] * ex + metric[i, 0, 1] * ey, metric[i, 0, 1] * ex + metric[i, 1, 1] * ey
+        ox = information[i, 0, 0] * ex + information[i, 0, 1] * ey
+        oy = information[i, 0, 1] * ex + information[i, 1, 1] * ey
+        varying += 2 * slope * (mx * ox + my * oy) / limit[i]
+    return 1 + varying / constant if constant > 0 else 1.0
 
 
 @kernel((_STACK, *_FEATURES, _ROW, _ROW, _ROW, F64, I64))
@@ -107,17 +135,17 @@ def variances_along_best_axis(H: Homography, reference: FloatArray, current: Flo
     return (1.4826 * np.median(residual_along[certain])) ** 2, np.median(predicted[certain])
 
 
-@kernel((_TABLE, *_FEATURES, _ROW, *_BASIS, I64, filled(F64, 2)))
+@kernel((_TABLE, *_FEATURES, _ROW, *_BASIS, I64, read(I64, 1), I64))
 def accumulate(H: Homography, reference: FloatArray, current: FloatArray, information: FloatArray, weight: FloatArray,
-               centre: FloatArray, radius: float, k: int,
-               scores: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Normal equations: sums of w J^T Omega J (k, k) and w J^T Omega e (k,), and the predicted variance of the latter.
+               centre: FloatArray, radius: float, k: int, cell: IdArray,
+               cells: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Normal equations of each cell of features: sums of w J^T Omega J (cells, k, k) and w J^T Omega e (cells, k).
 
-    The predicted variance (k, k) is the sum of w^2 J^T Omega J. The terms of the second sum are written into `scores`,
-    (N, k), unless it has no rows.
+    The third result is the predicted variance (k, k) of the sum of all of the latter, the sum of w^2 J^T Omega J. cell:
+    (N,) number of the cell of each feature.
     """
-    normal, right, predicted = np.zeros((k, k)), np.zeros(k), np.zeros((k, k))
-    along_x, along_y, weighted_x, weighted_y, score = np.empty(8), np.empty(8), np.empty(8), np.empty(8), np.empty(8)
+    normal, right, predicted = np.zeros((cells, k, k)), np.zeros((cells, k)), np.zeros((k, k))
+    along_x, along_y, weighted_x, weighted_y = np.empty(8), np.empty(8), np.empty(8), np.empty(8)
     for i in range(len(current)):
         if weight[i] <= 0:
             continue
@@ -132,20 +160,18 @@ def accumulate(H: Homography, reference: FloatArray, current: FloatArray, inform
         xx, xy = weight[i] * information[i, 0, 0], weight[i] * information[i, 0, 1]
         yy = weight[i] * information[i, 1, 1]
         ex, ey = reference[i, 0] - mapped_x, reference[i, 1] - mapped_y
+        c = cell[i]
         for a in range(k):
             weighted_x[a] = xx * along_x[a] + xy * along_y[a]
             weighted_y[a] = xy * along_x[a] + yy * along_y[a]
-            score[a] = weighted_x[a] * ex + weighted_y[a] * ey
-            right[a] += score[a]
+            right[c, a] += weighted_x[a] * ex + weighted_y[a] * ey
             for b in range(a + 1):
                 both = weighted_x[a] * along_x[b] + weighted_y[a] * along_y[b]
-                normal[a, b] += both
+                normal[c, a, b] += both
                 predicted[a, b] += weight[i] * both
-            if len(scores):
-                scores[i, a] = score[a]
     for a in range(k):
         for b in range(a):
-            normal[b, a], predicted[b, a] = normal[a, b], predicted[a, b]
+            normal[:, b, a], predicted[b, a] = normal[:, a, b], predicted[a, b]
     return normal, right, predicted
 
 
@@ -215,12 +241,12 @@ def polish(H: Homography, reference: FloatArray, current: FloatArray, informatio
            trust: FloatArray, noise: FloatArray, table: FloatArray, beyond: float, threshold_px: float,
            centre: FloatArray, radius: float, k: int, steps: int, converged_px: float) -> tuple[bool, Homography]:
     """At most `steps` Gauss-Newton steps from H with weights from `table`; False where a step fails."""
-    no_scores = np.empty((0, k))
+    together = np.zeros(len(current), np.int64)
     for _ in range(steps):
         ratio = squared_residuals(H, reference, current, metric) / (threshold_px**2 + noise)
         weight = weights_of(ratio, table, beyond) * trust
-        normal, right, _claimed = accumulate(H, reference, current, information, weight, centre, radius, k, no_scores)
-        found, delta = solve(normal, right)
+        normal, right, _claimed = accumulate(H, reference, current, information, weight, centre, radius, k, together, 1)
+        found, delta = solve(normal[0], right[0])
         if not found:
             return False, H
         H = compose(delta, H, centre, radius)

@@ -9,11 +9,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Homography
 from stab_ros.estimation import gauss_newton as gn
+from stab_ros.estimation.clusters import ACROSS, cells_of
 from stab_ros.estimation.models import PARAMETERS, Basis
 
 RANSAC_THRESHOLD_PX = 3.0
@@ -23,6 +25,8 @@ _CONVERGED_PX = 1e-3
 _OCTAVES = 4
 _NOISE_SIGMAS = 3.0  # standard deviations of a feature's noise that are added to the inlier threshold
 _CHI2_4_99 = 13.277  # 99 % quantile of chi-square with 4 degrees of freedom
+_CHI2_2_END = 40.0  # what lies beyond does not count
+_MIXED = 0.25
 _TABLE_SIZE = 4096  # samples of r^2 / threshold^2
 
 
@@ -46,6 +50,23 @@ class LossFunction:
     loss: FloatArray
     beyond: float
     robust: bool
+
+    @property
+    def falls(self) -> bool:
+        """Whether the weight falls to nothing at the threshold."""
+        return bool(self.weight[-1] == 0)
+
+    @cached_property
+    def claimed(self) -> FloatArray:
+        """(4096,) E[w^2 q / 2], q chi-square with 2 degrees of freedom, where r^2 / limit^2 = s q; s from 0 to 1.
+
+        The variance of w r for normal errors of variance s limit^2, as a share of that variance.
+        """
+        q = np.linspace(0, _CHI2_2_END, _TABLE_SIZE)
+        density = np.exp(-q / 2) / np.exp(-q / 2).sum() * q / 2
+        steps = np.linspace(0, 1, _TABLE_SIZE // 16)
+        coarse = [float(density @ gn.weights_of(s * q, self.weight, self.beyond) ** 2) for s in steps]
+        return np.interp(np.linspace(0, 1, _TABLE_SIZE), steps, coarse)
 
     @staticmethod
     def least_squares() -> LossFunction:
@@ -101,6 +122,21 @@ class EstimationProblem:
         """The same problem with prior weights of 0 for all but the chosen features, (N,) bool."""
         return dataclasses.replace(self, trust=np.where(chosen, self.trust, 0.0))
 
+    def trusting_neighbours(self) -> EstimationProblem:
+        """The same problem with larger prior weights where trusted features are mixed among others.
+
+        The weight rises to 1 where a share of `_MIXED` of the features of a cell of the picture is trusted. Water has
+        cells of its own; what does not follow the fit because rows swing or edges are blurred has not.
+        """
+        cell = cells_of(self.pairs.reference_px)
+        count = np.bincount(cell, minlength=ACROSS**2)
+        share = np.bincount(cell, self.trust, ACROSS**2) / np.maximum(count, 1)
+        return dataclasses.replace(self, trust=np.maximum(self.trust, np.minimum(share / _MIXED, 1.0)[cell]))
+
+    def wider(self, factor: float) -> EstimationProblem:
+        """The same problem with `factor` times as many standard deviations added to the inlier threshold."""
+        return dataclasses.replace(self, noise=self.noise * factor**2)
+
     def euclidean(self) -> EstimationProblem:
         """The same problem with Euclidean residuals and the same inlier threshold for all features."""
         n = len(self.pairs)
@@ -120,6 +156,11 @@ class EstimationProblem:
         pairs = self.pairs
         squared = gn.squared_residuals(H, pairs.reference_px, pairs.current_px, self.metric)
         return np.asarray(squared / (threshold_px**2 + self.noise))
+
+    def weights(self, loss_function: LossFunction, H: Homography, limit_px: float) -> FloatArray:
+        """Weight (N,) of each feature in a fit: that of the loss function times the prior one."""
+        ratios = self.squared_ratios(H, limit_px)
+        return np.asarray(gn.weights_of(ratios, loss_function.weight, loss_function.beyond) * self.trust)
 
     def excess_scatter_px(self, H: Homography, limit_px: float | None = None) -> float:
         """Standard deviation of the residuals in excess of the features' noise, px: relief, compression, vegetation.
@@ -147,11 +188,11 @@ class EstimationProblem:
         supporting = self.squared_ratios(H, self.threshold_px / 4) < 1
         return float(np.sum(self.trust[supporting])) / max(float(np.sum(self.trust)), 1e-9)
 
-    def inlier_threshold_px(self, loss_function: LossFunction, H: Homography) -> float:
+    def inlier_threshold_px(self, loss_function: LossFunction, scatter_px: float) -> float:
         """Adaptive inlier threshold: four times the excess scatter, within [threshold / 8, threshold]."""
         if not loss_function.robust:
             return self.threshold_px
-        return min(max(4 * self.excess_scatter_px(H), self.threshold_px * 0.5 ** (_OCTAVES - 1)), self.threshold_px)
+        return min(max(4 * scatter_px, self.threshold_px * 0.5 ** (_OCTAVES - 1)), self.threshold_px)
 
     def least_loss(self, loss_function: LossFunction, candidates: FloatArray, threshold_px: float | None = None,
                    octaves: int = _OCTAVES) -> tuple[int, float]:

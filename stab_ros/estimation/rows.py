@@ -330,7 +330,7 @@ class _Joint:
 
     def _fit(self, H: Homography, rows: RowShifts) -> Fit | None:
         problem = EstimationProblem.of(straightened(self.pairs, rows), self.trust, self.model, self.threshold_px)
-        limit_px = problem.inlier_threshold_px(MAGSAC, H)
+        limit_px = problem.inlier_threshold_px(MAGSAC, problem.excess_scatter_px(H))
         problem = problem.noise_inflated(problem.excess_scatter_px(H))
         ratios = problem.squared_ratios(H, limit_px)
         weight = gn.weights_of(ratios, MAGSAC.weight, MAGSAC.beyond) * self.trust
@@ -341,7 +341,7 @@ class _Joint:
         """limit_px: inlier threshold; None: by the scatter."""
         problem = EstimationProblem.of(straightened(self.pairs, rows), self.trust, self.model, self.threshold_px)
         noise_px = problem.excess_scatter_px(H) if limit_px is None else _FLOOR_SHARE * limit_px
-        limit_px = problem.inlier_threshold_px(MAGSAC, H) if limit_px is None else limit_px
+        limit_px = problem.inlier_threshold_px(MAGSAC, problem.excess_scatter_px(H)) if limit_px is None else limit_px
         ratios = problem.squared_ratios(H, limit_px)
         weight = gn.weights_of(ratios, MAGSAC.weight, MAGSAC.beyond) * self.trust
         return _Weights(weight, problem.noise_inflated(noise_px).pairs.information, ratios < 1)

@@ -53,5 +53,7 @@ def _local_optimization(problem: EstimationProblem, loss_function: LossFunction,
                         H: Homography | None) -> Homography | None:
     """H refitted to its inliers, with a threshold adapted to their scatter."""
     for _ in range(_LOCAL_ITERATIONS):
-        H = None if H is None else problem.polish(loss_function, H, problem.inlier_threshold_px(loss_function, H))
+        if H is not None:
+            limit_px = problem.inlier_threshold_px(loss_function, problem.excess_scatter_px(H))
+            H = problem.polish(loss_function, H, limit_px)
     return H

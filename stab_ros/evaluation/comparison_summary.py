@@ -67,7 +67,8 @@ def _frame(one: Passage, row: FrameMetrics | None) -> Json:
 
 
 def _of_track(track: Track) -> Json:
-    return {"matches": track.matches, "inliers": track.inliers, "rmse_px": track.rmse_px, "sigma_px": track.sigma_px}
+    return {"matches": track.matches, "inliers": track.inliers, "rmse_px": track.rmse_px, "sigma_px": track.sigma_px,
+            "lost_reason": None if track.lost_reason is None else track.lost_reason.value}
 
 
 def _p95(values: Sequence[float]) -> float | None:

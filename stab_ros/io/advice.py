@@ -3,10 +3,74 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 
+from stab_ros.core.types import Frame, LostReason
 from stab_ros.tracking.ground_choice import CompetingHypothesis
 from stab_ros.tracking.parallax import Relief
 from stab_ros.tracking.rolling_shutter import Swing
+
+_MANY_LOST = 0.05  # of the frames
+_MUCH_FIXED = 0.005  # of the picture
+
+_TO_TRY: Mapping[LostReason, str] = MappingProxyType({
+    LostReason.UNUSABLE: "images must be readable and of one size; `stab-ros recover` saves what is readable in a "
+                         "damaged bag",
+    LostReason.UNANSWERED: "see whether the tracker was running, and what it logged",
+    LostReason.NO_TEXTURE: "the picture is flat, dark, covered or out of focus; see to exposure, focus and lens, or "
+                           "leave that part of the recording out",
+    LostReason.NO_FEATURES: "nothing of the reference is recognised; set reference:=keyframe where the view leaves the "
+                            "first one, split the recording where it is cut, and see whether pictures are blurred",
+    LostReason.FEW_INLIERS: "too little of the reference is recognised; set reference:=keyframe where the view leaves "
+                            "the first one, split the recording where it is cut, or leave less out by exclude",
+    LostReason.IMPLAUSIBLE: "what is recognised moves as no camera does; name the water in exclude or the banks in roi",
+    LostReason.UNCERTAIN: "the ground that is recognised is too little or on one side only, as one bank; set a simpler "
+                          "model:=similarity, name more ground in roi, or leave less out by exclude",
+})
+
+
+def to_try(reason: LostReason) -> str:
+    """What frames that are lost for a reason show, and what may help."""
+    return _TO_TRY[reason]
+
+
+def by_reason(lost: Mapping[LostReason, int]) -> str:
+    """The numbers of lost frames, the most frequent reason first."""
+    return ", ".join(f"{count} {reason.value}" for reason, count in sorted(lost.items(), key=lambda item: -item[1]))
+
+
+def often_lost(lost: Mapping[LostReason, int], frames: int) -> str:
+    """If many of the frames are lost: the most frequent reason, and what to try; else an empty string."""
+    total = sum(lost.values())
+    if total <= _MANY_LOST * frames:
+        return ""
+    reason = max(lost, key=lambda one: lost[one])
+    return f"{total} of {frames} frames are lost, most often {reason.value} ({lost[reason]}): {to_try(reason)}"
+
+
+class FixedToCamera:
+    """Tells once of each reference that parts of the picture move with the camera."""
+
+    def __init__(self) -> None:
+        self._told: Frame | None = None  # the reference of which it was
+
+    def news(self, reference: Frame | None, share: float) -> str:
+        """share: of the picture that is fixed to the camera, in [0, 1]. An empty string: it is small, or was told."""
+        if reference is None or reference is self._told or share <= _MUCH_FIXED:
+            return ""
+        self._told = reference
+        return (f"{100 * share:.1f} % of the picture is fixed to the camera (overlay, dirt, hot pixels, borders) and "
+                "is not used as ground")
+
+
+def given_up(references: int) -> str:
+    """So many references were given up; an empty string for none."""
+    if not references:
+        return ""
+    what = "the first image" if references == 1 else f"{references} images that were to be the reference"
+    return (f"{what} matched none of those after it, as a damaged one does, and a later image is the reference; "
+            "homographies of different reset_counter have different references")
 
 
 def remarks(competing: CompetingHypothesis | None, relief: Relief | None, swing: Swing | None) -> list[str]:

@@ -14,7 +14,7 @@ _WHOLE = Window()
 
 
 def track_cdr(track: Track, header: Header, window: Window = _WHOLE) -> bytes:
-    """DiagnosticArray with one status for the frame; values that are unknown while LOST are empty strings.
+    """DiagnosticArray with one status for the frame; empty strings: unknown while LOST, lost_reason while TRACKED.
 
     `rows_px` is the RMS of the displacements of the rows by a rolling shutter, empty where none are seen.
 
@@ -33,6 +33,7 @@ def track_cdr(track: Track, header: Header, window: Window = _WHOLE) -> bytes:
         "scale": f"{window.scale:.12g}",
         "provisional": str(track.provisional).lower(),
         "rows_px": number(None if track.rows is None else track.rows.rms_px),
+        "lost_reason": "" if track.lost_reason is None else track.lost_reason.value,
     }
     level = OK if track.tracked else WARN
     return status_cdr(header, "track", header.frame_id, level, track.state.value, values)

@@ -13,7 +13,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.kernels import Compiler, compile_kernels
 from stab_ros.core.progress import Progress
 from stab_ros.core.settings import Value, did_you_mean
-from stab_ros.core.types import Frame, State, Track
+from stab_ros.core.types import Frame, LostReason, State, Track
 from stab_ros.evaluation.comparison_results import Comparison, MethodResult, Passage
 from stab_ros.evaluation.evaluator import Arrival, Evaluator
 from stab_ros.evaluation.frame_metrics import FrameMetrics
@@ -176,8 +176,9 @@ def _judge_raw(source: Source, job: ComparisonJob, judge: _Judge, counter: _Meth
 
 
 def _unmoved(number: int, picture: Picture, frame: Frame | None) -> Step:
-    state, H = (State.LOST, None) if frame is None else (State.TRACKED, np.eye(3))
-    return Step(number, Track(state, number, picture.stamp_ns, 0, 0, ref_H_cur=H), None, steady=frame)
+    if frame is None:
+        return Step(number, Track(State.LOST, number, picture.stamp_ns, 0, 0, lost_reason=LostReason.UNUSABLE), None)
+    return Step(number, Track(State.TRACKED, number, picture.stamp_ns, 0, 0, ref_H_cur=np.eye(3)), None, steady=frame)
 
 
 def _judge_method(name: str, job: ComparisonJob, judge: _Judge, counter: _MethodsProgress) -> MethodResult:

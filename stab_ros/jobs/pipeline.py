@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Generator, Iterable
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from stab_ros.core.errors import InputError, MessageError
-from stab_ros.core.types import Frame, Image, State, Track
+from stab_ros.core.types import Frame, Image, LostReason, State, Track
+from stab_ros.io.advice import FixedToCamera
 from stab_ros.io.bag import Message
 from stab_ros.io.cdr import header_of
 from stab_ros.io.homographies import HomographyWriter
@@ -65,18 +67,21 @@ class Outputs:
 
 @dataclass
 class Counts:
-    """Numbers of written frames. unused: frames that cannot be decoded or tracked. problem: that of the first such."""
+    """Numbers of written frames.
+
+    lost: by reason. problem: of the first that cannot be decoded or tracked. notes: what was found out on the way.
+    """
 
     frames: int = 0
-    tracked: int = 0
-    unused: int = 0
+    lost: Counter[LostReason] = field(default_factory=Counter)
     problem: str = ""
+    notes: tuple[str, ...] = ()
 
     def add(self, result: TrackedFrame) -> None:
         self.frames += 1
-        self.tracked += result.track.tracked
+        if result.track.lost_reason is not None:
+            self.lost[result.track.lost_reason] += 1
         if not isinstance(result.picture.decoded, Frame):
-            self.unused += 1
             self.problem = self.problem or str(result.picture.decoded)
 
 
@@ -99,6 +104,7 @@ def run(items: Iterable[Picture | Message], stabilizer: Stabilizer, outputs: Out
     with Stage(write) as writing, Stage(track) as tracking:
         for item in items:
             tracking.put(item)
+    counts.notes = tuple(tracker.notes)
     return counts
 
 
@@ -106,7 +112,7 @@ class PictureTracker:
     """Runs the stabilizer over all frames; undecodable ones count as lost frames.
 
     While the stabilizer fills its start-up buffer, it runs ahead through the input; the frames are not kept but read
-    again. So every frame has its track when its turn comes.
+    again. So every frame has its track when its turn comes. notes: what it has found out that the user should know.
     """
 
     def __init__(self, stabilizer: Stabilizer, need_image: bool, read_again: ReadAgain) -> None:
@@ -116,6 +122,8 @@ class PictureTracker:
         self._number = -1
         self._ahead: dict[int, Track | InputError] = {}
         self._shown_map: StaticMap | None = None
+        self._fixed = FixedToCamera()
+        self.notes: list[str] = []
 
     @property
     def ahead(self) -> int:
@@ -132,9 +140,14 @@ class PictureTracker:
         if isinstance(picture.decoded, MessageError):
             return self._result(picture, self._lost(picture))
         track = self._track(picture.decoded)
+        self._note(self._fixed.news(self._stabilizer.reference, self._stabilizer.sensor_fixed_share))
         if isinstance(track, InputError):
             return self._result(replace(picture, decoded=MessageError(str(track))), self._lost(picture))
         return self._result(picture, track, *(self._warped(picture.decoded, track) if self._need_image else ()))
+
+    def _note(self, news: str) -> None:
+        if news:
+            self.notes.append(news)
 
     def _warped(self, frame: Frame, track: Track) -> tuple[Image | None, bytes | None]:
         """The frame warped to the reference, and its message."""
@@ -202,4 +215,5 @@ class PictureTracker:
     def _lost(self, picture: Picture) -> Track:
         reference = self._stabilizer.reference
         reference_stamp_ns = 0 if reference is None else reference.stamp_ns
-        return Track(State.LOST, self._number, picture.stamp_ns, reference_stamp_ns, self._stabilizer.reset_counter)
+        return Track(State.LOST, self._number, picture.stamp_ns, reference_stamp_ns, self._stabilizer.reset_counter,
+                     lost_reason=LostReason.UNUSABLE)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ from pathlib import Path
 from stab_ros.core.kernels import Compiler, compile_kernels
 from stab_ros.core.progress import Progress
 from stab_ros.core.settings import Value
-from stab_ros.core.types import Frame
+from stab_ros.core.types import Frame, LostReason
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.window import Window
 from stab_ros.io import advice
@@ -47,16 +48,17 @@ class Job:
 
 @dataclass(frozen=True)
 class Stabilization:
-    """The result of a job. warnings: what was lost, one line each."""
+    """The result of a job. lost: frames by reason. warnings: what was lost; notes: what was found: one line each."""
 
     frames: int
-    tracked: int
+    lost: Counter[LostReason]
     duration_s: float
     warnings: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
     @property
-    def lost(self) -> int:
-        return self.frames - self.tracked
+    def tracked(self) -> int:
+        return self.frames - self.lost.total()
 
 
 def stabilize(job: Job, progress: Progress, compiling: Compiler = compile_kernels) -> Stabilization:
@@ -79,8 +81,9 @@ def stabilize(job: Job, progress: Progress, compiling: Compiler = compile_kernel
             counts = run(source.items(job.limit), stabilizer, outputs, lambda done: progress(done, total),
                          partial(read_again, job.source, job.image_topic, job.fps, job.limit))
         warnings = (*_replaced(source, outputs.bag.replaced), *source.warnings, *_unused(source, counts),
-                    *_without_reference(source, stabilizer.reference), *_remarks(source, stabilizer))
-    return Stabilization(counts.frames, counts.tracked, time.monotonic() - started_s, warnings)
+                    *_remarks(source, stabilizer), *_lost(source, counts, stabilizer.reference))
+    notes = tuple(f"{source.name}: {note}" for note in counts.notes)
+    return Stabilization(counts.frames, counts.lost, time.monotonic() - started_s, warnings, notes)
 
 
 def expected(count: int | None, limit: int | None) -> int | None:
@@ -117,20 +120,25 @@ def _replaced(source: Source, topics: list[str]) -> list[str]:
 
 
 def _unused(source: Source, counts: Counts) -> list[str]:
-    if not counts.unused:
+    unused = counts.lost[LostReason.UNUSABLE]
+    if not unused:
         return []
-    return [f"{source.name}: {counts.unused} of {counts.frames} images of {source.image_topic} cannot be used "
-            f"and count as lost; the first: {counts.problem}"]
+    return [f"{source.name}: {unused} of {counts.frames} images of {source.image_topic} cannot be used "
+            f"and count as lost ({LostReason.UNUSABLE.value}); the first: {counts.problem}"]
 
 
 def _remarks(source: Source, stabilizer: Stabilizer) -> list[str]:
     """Reasons why the answers may be wrong."""
+    given_up = advice.given_up(stabilizer.given_up)
     found = advice.remarks(stabilizer.competing_hypothesis, stabilizer.relief, stabilizer.swing)
-    return [f"{source.name}: {remark}" for remark in found]
+    return [f"{source.name}: {remark}" for remark in ([given_up, *found] if given_up else found)]
 
 
-def _without_reference(source: Source, reference: Frame | None) -> list[str]:
-    if reference is not None:
-        return []
-    return [f"{source.name}: not one image of {source.image_topic} could become the reference, so all are lost; "
-            "it must show some texture (all are flat, black or below 64x64 px)"]
+def _lost(source: Source, counts: Counts, reference: Frame | None) -> list[str]:
+    """Why many frames are lost, and what to try; no second line of those that cannot be used."""
+    if reference is None:
+        return [f"{source.name}: not one image of {source.image_topic} could become the reference, so all are lost "
+                f"({LostReason.NO_TEXTURE.value}); it must show some texture (all are flat, black or below 64x64 px)"]
+    often = advice.often_lost(counts.lost, counts.frames)
+    said = set(counts.lost) == {LostReason.UNUSABLE}
+    return [f"{source.name}: {often}"] if often and not said else []

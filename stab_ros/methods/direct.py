@@ -33,8 +33,6 @@ _COARSE_PATCHES = 150  # on each coarser level
 _ALIGNING_PATCHES = 400  # at full resolution; all patches are measured only once, after convergence
 _MIN_TRUST = 0.3
 _MIN_FOUND_SHARE = 0.6  # of the patches; with fewer, the alignment starts on the pyramid
-# median residuals are 0.1 to 0.4 px, 0.5 px with 9 px of motion blur, and 0.8 px where the homography is 1 px off
-_MAX_MEDIAN_RESIDUAL_PX = 0.65
 _MAX_DISPLACEMENT_PX = 2.0  # the linearization of a patch does not hold beyond
 
 
@@ -160,8 +158,7 @@ class Direct:
             measured = self._measure(self._fine, chosen, current, H)
         better = self._align(self._fine, measured, chosen, current, H, trust, _fine_schedule(len(chosen)))
         H = H if better is None else better
-        pairs = self._measure(self._fine, np.arange(len(self._fine)), current, H)
-        return pairs if _is_consistent(pairs, H, trust) else pairs[:0]
+        return self._measure(self._fine, np.arange(len(self._fine)), current, H)
 
     def measure(self, current: Gray, ref_H_cur: Homography, rows: RowShifts | None) -> Correspondences:
         """Correspondences of all patches near a known place; see `RowMethod.measure`."""
@@ -214,17 +211,6 @@ class Direct:
         if at_px is not None and rows is not None:
             current_px -= rows.at(at_px[found, 1])
         return Correspondences(chosen[found], reference_px, current_px, measured.information[found], H)
-
-
-def _is_consistent(pairs: Correspondences, H: Homography, trust: FloatArray) -> bool:
-    """Whether the median residual of the trusted patches is as small as in a frame that shows the same scene.
-
-    In a strongly blurred frame each patch is still found, but displaced in a direction that depends on its texture. The
-    large number of patches would make such a result look certain, although it is off by pixels.
-    """
-    trusted = trust[pairs.feature_id] > _MIN_TRUST
-    off_px = np.hypot(*(apply(H, pairs.current_px) - pairs.reference_px)[trusted].T)
-    return len(off_px) == 0 or float(np.median(off_px)) < _MAX_MEDIAN_RESIDUAL_PX
 
 
 def build_pyramid(gray: Gray) -> list[Gray]:

@@ -119,7 +119,8 @@ def _fill(patches: Patches, usable: BoolArray, which: IdArray, gray: Gray) -> No
     filters = -np.einsum("nab,bnij->anij", np.linalg.inv(response[good]), instrument[:, good])
     along = np.arange(-radius, radius + 1.0)
     moments = np.stack([gradient[:, good] * along, gradient[:, good] * along[:, None]], axis=1)  # with x and with y
-    which, usable[which] = which[good], good
+    usable[which] = good
+    which = which[good]
     patches.template[which], patches.power[which], patches.filters[:, which] = template[good], power[good], filters
     patches.precision[which] = np.linalg.inv(np.einsum("anij,bnij->nab", filters, filters))
     patches.affine_sensitivity[which] = -np.einsum("anij,dmnij->nadm", filters, moments).reshape(-1, 2, 4)

@@ -16,8 +16,11 @@ class ThrottledWarnings:
         self._logger = logger
         self._logged_s: dict[str, float] = {}  # by kind
 
-    def log(self, kind: str, text: str) -> None:
+    def log(self, kind: str, text: str) -> bool:
+        """Logs the text unless one of its kind was logged a moment ago; whether it did."""
         now_s = time.monotonic()
-        if now_s - self._logged_s.get(kind, -_PERIOD_S) >= _PERIOD_S:
-            self._logged_s[kind] = now_s
-            self._logger.warning(text)
+        if now_s - self._logged_s.get(kind, -_PERIOD_S) < _PERIOD_S:
+            return False
+        self._logged_s[kind] = now_s
+        self._logger.warning(text)
+        return True

@@ -13,12 +13,14 @@ from stab_ros.core.kernels import Compilation, compile_kernels
 from stab_ros.core.settings import Value
 from stab_ros.core.timeline import Advance
 from stab_ros.core.types import Frame, Track
+from stab_ros.io.advice import FixedToCamera, given_up
 from stab_ros.io.cdr import SECOND_NS, Header, header_of
 from stab_ros.io.image_message import read_image
 from stab_ros.io.topics import HOMOGRAPHY_TOPIC
 from stab_ros.nodes import params
 from stab_ros.nodes.camera_info_subscription import CameraInfoSubscription
 from stab_ros.nodes.image_input import ImageInput
+from stab_ros.nodes.lost_log import LostLog
 from stab_ros.nodes.reference_file import ReferenceFile
 from stab_ros.nodes.runtime import StabNode
 from stab_ros.nodes.spinner import Spinner
@@ -71,12 +73,14 @@ class TrackerNode(StabNode):
             self, compressed=self.settings.image_transport == "compressed", keep_all=self.settings.queue_depth == 0,
             may_pass=self._knows_camera, take=self._track, dropped=self.status.on_dropped)
         self._warnings = ThrottledWarnings(self.get_logger())
+        self._lost_log, self._fixed = LostLog(self.get_logger(), self._warnings), FixedToCamera()
         self._stamps = StampMonitor()
         self._file = ReferenceFile(self.settings.reference_path, self.get_logger())
         self._file.check_camera(self.camera is not None)
         self._pending: dict[int, _Pending] = {}  # by index of the frame
         self._published_reference: Frame | None = None
         self._published_map: StaticMap | None = None
+        self._given_up = 0  # references, as far as that was said
         self._ground = GroundState.UNDECIDED  # at the last check
         self.outputs = TrackerPublishers(self, lossless=self.settings.queue_depth == 0)
         self.create_service(Trigger, "~/reset_reference", self._reset_reference)
@@ -181,7 +185,9 @@ class TrackerNode(StabNode):
             size = pending.size if reference is None or track.tracked else reference.size
             self.outputs.send_track(track, pending.header, size, camera, self.stabilizer)
             self.status.on_track(track, time.time_ns() - pending.source_ns)
+            self._lost_log.on_track(track)
         self._warn_of_ground()
+        self._tell_of_fixed()
 
     def _publish_references(self) -> None:
         """The reference and the static map, if they are new."""
@@ -199,6 +205,9 @@ class TrackerNode(StabNode):
         before, self._published_reference = self._published_reference, reference
         if before is not None and not before.is_like(reference):
             self._warn("kind", f"the images are {reference.kind} now, they were {before.kind}: a new reference")
+        if self.stabilizer.given_up > self._given_up:
+            self._given_up = self.stabilizer.given_up
+            self._warn("given_up", f"{given_up(self._given_up)}; it is {self.stabilizer.reset_counter} now")
         if self.camera is not None:
             self.camera.locked = True
         self.outputs.send_reference(reference, self.stabilizer)
@@ -215,6 +224,11 @@ class TrackerNode(StabNode):
         if before is GroundState.PROVISIONAL:
             self._warn("decided", "the ground was chosen anew, earlier homographies were provisional; reset_counter is "
                        f"{self.stabilizer.reset_counter}")
+
+    def _tell_of_fixed(self) -> None:
+        news = self._fixed.news(self.stabilizer.reference, self.stabilizer.sensor_fixed_share)
+        if news:
+            self.get_logger().info(news)
 
     def _warn_of_stamp(self, step: Advance) -> None:
         text = self._stamps.words(step)

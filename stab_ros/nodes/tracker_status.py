@@ -33,6 +33,7 @@ class TrackerStatus:
         self._warnings: dict[str, str] = {}  # by kind, until the next report
         self._latency_ns = 0
         self._track: Track | None = None
+        self._lost_reason = ""  # of the last frame that was lost
 
     def on_image(self, free_ns: int) -> float:
         """An image that is tracked, now or later. Returns the silence before it, s, if the stream was stale, else 0."""
@@ -44,6 +45,8 @@ class TrackerStatus:
         """A result. latency_ns: from the publication of the image to that of its homography."""
         self._tracked += track.tracked
         self._lost += not track.tracked
+        if track.lost_reason is not None:
+            self._lost_reason = track.lost_reason.value
         self._track, self._latency_ns = track, latency_ns
 
     def on_refused(self) -> None:
@@ -84,7 +87,7 @@ class TrackerStatus:
             return f"waiting for {self.waiting_for}"
         if state == "STALE":
             return f"no image for {self.timeout.silence_ns(free_ns) / 1e9:.1f} s"
-        return state.lower()
+        return f"lost: {self._lost_reason}" if state == "LOST" else state.lower()
 
     def _values(self, state: str) -> dict[str, str]:
         track = self._track
@@ -94,6 +97,7 @@ class TrackerStatus:
             "frames_in": str(self._received),
             "frames_tracked": str(self._tracked),
             "frames_lost": str(self._lost),
+            "lost_reason": self._lost_reason,
             "frames_dropped": str(self._dropped),
             "frames_refused": str(self._refused),
             "frames_before": str(self.before),

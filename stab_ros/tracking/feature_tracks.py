@@ -6,19 +6,25 @@ and it is known which features keep their texture. No plane is assumed; `planes`
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from stab_ros.core.downscale import Downscaling
-from stab_ros.core.geometry import apply, point_jacobian
+from stab_ros.core.geometry import apply, normalized, point_jacobian
 from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography
 from stab_ros.estimation import estimators
 from stab_ros.methods import spread
 from stab_ros.methods.direct import DirectConfig
-from stab_ros.methods.patches import cut_patches, measure_patches
+from stab_ros.methods.patches import Patches, cut_patches, measure_patches
+from stab_ros.tracking.frame_search import FrameSearch
+from stab_ros.tracking.frozen_blocks import FrozenBlocks
+from stab_ros.tracking.full_size_features import FullSizeFeatures
 from stab_ros.tracking.phase_correlation import PhaseCorrelation
+from stab_ros.tracking.reference import is_textured
+from stab_ros.tracking.relocation import everywhere
 
 _PATCHES = DirectConfig()  # as of the method `direct`
 _FLOW_BLOCK_PX = 15
@@ -27,7 +33,10 @@ _COARSEST_PX = 80  # the shorter side of the coarsest pyramid level of the flow
 _PASSES = 3  # against the template
 _CLOSE_PX = 0.02
 _FAR_PX = 3.0  # more than the flow is ever off
-_SHAPE_PX = 3.0
+_SHAPE_PX, _EXACT_SHAPE_PX = 3.0, 1.0  # by the flow, and by the templates
+_APART_PX, _APART_SHARE = 4.0, 0.002  # of the width: what a similarity leaves of a tilt from frame to frame
+_TOGETHER, _LEAST_TOGETHER = 0.25, 12  # of the features that match their templates
+_SEARCH_PX = 128  # in the reference, for a frame that no flow leads to
 _FOLLOWED = 0.1  # of the features, at least: with fewer the frame is not followed
 
 
@@ -36,14 +45,16 @@ class Trajectories:
     """N features over F frames.
 
     reference_px: (N, 2). current_px: (F, N, 2). information: (F, N, 2, 2) of the reference-side displacement, 1/px^2.
-    seen: (F, N) bool, where the other two hold. A frame that could not be followed has none. shapes: (F, 3, 3),
-    rough ref_H_cur fitted to most features; all planes share it up to a translation.
+    seen: (F, N) bool, where the other two hold. A frame that could not be followed has none. frozen: (F, N) bool, what
+    the codec has copied from earlier frames. shapes: (F, 3, 3), rough ref_H_cur fitted to most features; all planes
+    share it up to a translation.
     """
 
     reference_px: FloatArray
     current_px: FloatArray
     information: FloatArray
     seen: BoolArray
+    frozen: BoolArray
     shapes: FloatArray
 
     def pairs(self, frame: int, which: BoolArray | None = None) -> Correspondences:
@@ -53,76 +64,165 @@ class Trajectories:
                                self.information[frame, found])
 
 
+@dataclass(frozen=True, eq=False)
+class _Measured:
+    """Features in a frame. at_px: (N, 2). information: (N, 2, 2), 1/px^2. seen: (N,) bool, where the other two hold."""
+
+    at_px: FloatArray
+    information: FloatArray
+    seen: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Followed:
+    """A frame in which the features were found.
+
+    small: reduced for the flow. at_px: (N, 2) where they are, or should be. step_px: (N, 2) since the frame before it.
+    own_px: (N, 2), the part of it that is not common to most features.
+    """
+
+    small: Gray
+    at_px: FloatArray
+    step_px: FloatArray
+    own_px: FloatArray
+    ref_H_cur: Homography
+
+
 class FeatureTracks:
-    """Tracks the features of one reference."""
+    """Tracks the features of one reference.
+
+    A frame counts as followed if its features match their templates from the reference and most of these have moved
+    together. Any other is left out: the next one is sought from the frames before it, then in the reference.
+    """
 
     def __init__(self, reference: Gray, allowed: BoolArray) -> None:
-        """reference: (h, w) uint8. allowed: (h, w) bool, where features may lie."""
+        """reference: (h, w) uint8, not copied. allowed: (h, w) bool, where features may lie."""
         centres = spread.choose(reference, allowed, _PATCHES.patches, _PATCHES.radius, _PATCHES.min_texture)
         self._patches = cut_patches(reference, centres, _PATCHES.radius)
         self.reference_px: FloatArray = self._patches.centres.astype(np.float64)
         self._shrinking = Downscaling.to_width(reference, _FLOW_WIDTH_PX)
-        self._last = self._shrinking.picture(reference)
-        self._at_px, self._step_px = self.reference_px.copy(), np.zeros_like(self.reference_px)
-        self._ref_H_cur: Homography = np.eye(3)
-        self._rows: list[tuple[FloatArray, FloatArray, BoolArray]] = []
+        self._search = FrameSearch(reference)
+        at_rest = np.zeros_like(self.reference_px)
+        first = _Followed(self._shrinking.picture(reference), self.reference_px, at_rest, at_rest, np.eye(3))
+        self._followed = [first]  # the last two
+        self._blocks = FrozenBlocks(reference, self.reference_px)
+        self._rows: list[_Measured] = []
+        self._frozen: list[BoolArray] = []
         self._shapes: list[Homography] = []
 
-    def follow(self, gray: Gray) -> None:
-        """Finds all features in the next frame, (h, w) uint8."""
-        small = self._shrinking.picture(gray)
-        followed = (self._try(gray, small, self._at_px + self._step_px)
-                    or self._try(gray, small, self._jumped(small)))
-        if not followed:
-            n = len(self.reference_px)
-            self._rows.append((np.zeros((n, 2)), np.zeros((n, 2, 2)), np.zeros(n, bool)))
-        self._shapes.append(self._ref_H_cur)
+    @property
+    def patches(self) -> Patches:
+        """The features' templates."""
+        return self._patches
+
+    def follow(self, gray: Gray) -> float:
+        """Finds all features in the next frame, (h, w) uint8; the share of them that it shows, 0 if not followed."""
+        self._frozen.append(self._blocks.find(gray))
+        if not any(self._attempts(gray, self._shrinking.picture(gray))):
+            self._rows.append(self._unseen)
+        self._shapes.append(self._followed[-1].ref_H_cur)
+        self._blocks.remember(gray, self._followed[-1].at_px)
+        return float(np.mean(self._rows[-1].seen))
 
     def trajectories(self) -> Trajectories:
         """The trajectories so far."""
-        n = len(self.reference_px)
-        current, information, seen = zip(*self._rows, strict=True) if self._rows else ((), (), ())
-        return Trajectories(self.reference_px, np.array(current).reshape(-1, n, 2),
-                            np.array(information).reshape(-1, n, 2, 2), np.array(seen, bool).reshape(-1, n),
+        n, rows = len(self.reference_px), self._rows
+        return Trajectories(self.reference_px, np.array([row.at_px for row in rows]).reshape(-1, n, 2),
+                            np.array([row.information for row in rows]).reshape(-1, n, 2, 2),
+                            np.array([row.seen for row in rows], bool).reshape(-1, n),
+                            np.array(self._frozen, bool).reshape(-1, n),
                             np.array(self._shapes).reshape(-1, 3, 3))
 
-    def _as_bright(self, small: Gray) -> Gray:
-        """The previous image with mean and contrast of the next: the flow assumes constant brightness."""
-        (mean, spread), (wanted, wide) = (cv2.meanStdDev(picture) for picture in (self._last, small))
-        gain = float(wide[0, 0]) / max(float(spread[0, 0]), 1.0)
-        levels = (np.arange(256) - float(mean[0, 0])) * gain + float(wanted[0, 0])
-        return np.asarray(cv2.LUT(self._last, np.clip(np.round(levels), 0, 255).astype(np.uint8)))
+    @property
+    def _unseen(self) -> _Measured:
+        n = len(self.reference_px)
+        return _Measured(np.zeros((n, 2)), np.zeros((n, 2, 2)), np.zeros(n, bool))
 
-    def _try(self, gray: Gray, small: Gray, start_px: FloatArray) -> bool:
-        """One attempt from predicted positions; kept if enough features are found there."""
+    def _attempts(self, gray: Gray, small: Gray) -> Iterator[bool]:
+        """Whether the frame was followed: from the last frames, and as it lies in the reference; it is kept if so."""
+        last = self._followed[-1]
+        yield self._by_flow(gray, small, last, last.at_px + last.step_px)
+        if not is_textured(gray):
+            return
+        yield self._by_jump(gray, small, last)
+        for before in self._followed[-2::-1]:
+            yield self._by_flow(gray, small, before, before.at_px + before.step_px)
+        for ref_H_cur in self._located(gray, last.ref_H_cur):
+            yield self._by_position(gray, small, ref_H_cur)
+
+    def _by_flow(self, gray: Gray, small: Gray, before: _Followed, start_px: FloatArray) -> bool:
+        """One attempt from an earlier frame and predicted positions."""
         scale = self._shrinking.scale
-        moved, found = _flowed(self._as_bright(small), small, apply(scale, self._at_px), apply(scale, start_px))
+        moved, found = _flowed(_as_bright(before.small, small), small, apply(scale, before.at_px),
+                               apply(scale, start_px))
         at_px = apply(np.linalg.inv(scale), moved)
-        shape = self._shape(at_px, found)
-        if shape is None:
+        cur_H_before, together = _common_motion(before.at_px, at_px, found, self._apart_px)
+        if not together.any():
             return False
-        at_px, information, seen = self._against_templates(gray, shape, at_px, found)
+        shape = self._shape(at_px, together, normalized(before.ref_H_cur @ np.linalg.inv(cur_H_before)), _SHAPE_PX)
+        measured = self._against_templates(gray, shape, at_px, found)
+        together &= measured.seen
+        if together.sum() < _TOGETHER * measured.seen.sum():
+            return False
+        shape = self._shape(measured.at_px, together, shape, _EXACT_SHAPE_PX)
+        return self._kept(gray, small, before, shape, measured)
+
+    def _by_jump(self, gray: Gray, small: Gray, before: _Followed) -> bool:
+        """One attempt as if the whole image had shifted."""
+        small_H = PhaseCorrelation(before.small).corrected(small, np.eye(3))
+        if small_H is None:
+            return False
+        return self._by_flow(gray, small, before, apply(np.linalg.inv(self._shrinking.whole(small_H)), before.at_px))
+
+    def _located(self, gray: Gray, near: Homography) -> Iterator[Homography]:
+        """ref_H_cur of most features, by whatever finds the frame in the reference."""
+        centre_px = np.array(self._search.size) / 2
+        before = self._rows[-1].seen if self._rows else self._unseen.seen
+        seen = before if before.any() else ~before
+        searches: tuple[Callable[[], Homography | None], ...] = (
+            lambda: self._search.by_areas(gray, near, self.reference_px[seen], _SEARCH_PX),
+            lambda: self._search.by_full_size(FullSizeFeatures.of(gray, centre_px), centre_px, everywhere),
+            lambda: self._search.by_small_pictures(gray, everywhere))
+        return (found for found in (search() for search in searches) if found is not None)
+
+    def _by_position(self, gray: Gray, small: Gray, ref_H_cur: Homography) -> bool:
+        """One attempt where the frame was located."""
+        return self._kept(gray, small, self._followed[-1], ref_H_cur, self._unseen)
+
+    def _kept(self, gray: Gray, small: Gray, before: _Followed, ref_H_cur: Homography, measured: _Measured) -> bool:
+        """Whether enough features are seen, once those that were not are sought where the others have moved."""
+        moved_px = apply(np.linalg.inv(ref_H_cur) @ before.ref_H_cur, before.at_px)
+        again = self._against_templates(gray, ref_H_cur, moved_px + before.own_px, ~measured.seen)
+        seen = measured.seen | again.seen
         if seen.sum() < max(12, _FOLLOWED * len(seen)):
             return False
-        step = np.median((at_px - self._at_px)[seen], axis=0)
-        self._step_px = np.where(seen[:, None], at_px - self._at_px, step)
-        self._at_px = np.where(seen[:, None], at_px, self._at_px + step)
-        self._last, self._ref_H_cur = small, shape
-        self._rows.append((at_px, information, seen))
+        at_px = np.where(measured.seen[:, None], measured.at_px, again.at_px)
+        information = np.where(measured.seen[:, None, None], measured.information, again.information)
+        at_px = np.where(seen[:, None], at_px, moved_px)
+        own_px = np.where(seen[:, None], at_px - moved_px, 0.0)
+        self._rows.append(_Measured(at_px, information, seen))
+        self._followed = [self._followed[-1], _Followed(small, at_px, at_px - before.at_px, own_px, ref_H_cur)]
         return True
 
-    def _shape(self, at_px: FloatArray, found: BoolArray) -> Homography | None:
-        """ref_H_cur, roughly, of most features: rotation and scale are common to all planes."""
-        which = np.flatnonzero(found)
-        pairs = Correspondences(which, self.reference_px[which], at_px[which], np.tile(np.eye(2), (len(which), 1, 1)))
-        return estimators.refine(pairs, "projective", _SHAPE_PX, self._ref_H_cur, np.ones(len(which)))
+    @property
+    def _apart_px(self) -> float:
+        """Largest distance of features that have moved together."""
+        return max(_APART_PX, _APART_SHARE * self._search.size[0])
 
-    def _against_templates(self, gray: Gray, ref_H_cur: Homography, at_px: FloatArray,
-                           found: BoolArray) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Positions (N, 2) and information (N, 2, 2) by the templates, and which features still match theirs."""
+    def _shape(self, at_px: FloatArray, which: BoolArray, guess: Homography, threshold_px: float) -> Homography:
+        """ref_H_cur, roughly, of most features of `which`, (N,) bool: all planes share rotation and scale."""
+        chosen = np.flatnonzero(which)
+        pairs = Correspondences(chosen, self.reference_px[chosen], at_px[chosen],
+                                np.tile(np.eye(2), (len(chosen), 1, 1)))
+        found = estimators.refine(pairs, "projective", threshold_px, guess, np.ones(len(chosen)))
+        return guess if found is None else found
+
+    def _against_templates(self, gray: Gray, ref_H_cur: Homography, start_px: FloatArray,
+                           which: BoolArray) -> _Measured:
+        """Where the features `which`, (N,) bool, are by their templates, from rough positions (N, 2)."""
         cur_H_ref = np.linalg.inv(ref_H_cur)
         cur_J_ref = point_jacobian(cur_H_ref, self.reference_px)
-        start_px, at_px, chosen = at_px, at_px.copy(), np.flatnonzero(found)
+        at_px, chosen = start_px.copy(), np.flatnonzero(which)
         information, seen = np.zeros((len(at_px), 2, 2)), np.zeros(len(at_px), bool)
         for _ in range(_PASSES):
             measured = measure_patches(self._patches, chosen, gray, cur_H_ref, at_px[chosen])
@@ -132,12 +232,29 @@ class FeatureTracks:
             good = (measured.correlation >= _PATCHES.min_correlation) & (off < _FAR_PX)
             information[chosen], seen[chosen] = measured.information, good
             chosen = chosen[good & (np.abs(moved).max(axis=1, initial=0) > _CLOSE_PX)]
-        return at_px, information, seen
+        return _Measured(at_px, information, seen)
 
-    def _jumped(self, small: Gray) -> FloatArray:
-        """Positions of the features if the whole image has shifted since the last frame."""
-        last_H_cur = self._shrinking.whole(PhaseCorrelation(self._last).corrected(small, np.eye(3)))
-        return apply(np.linalg.inv(last_H_cur), self._at_px)
+
+def _as_bright(before: Gray, small: Gray) -> Gray:
+    """The earlier image with mean and contrast of this one: the flow assumes constant brightness."""
+    (mean, spread), (wanted, wide) = (cv2.meanStdDev(picture) for picture in (before, small))
+    gain = float(wide[0, 0]) / max(float(spread[0, 0]), 1.0)
+    levels = (np.arange(256) - float(mean[0, 0])) * gain + float(wanted[0, 0])
+    return np.asarray(cv2.LUT(before, np.clip(np.round(levels), 0, 255).astype(np.uint8)))
+
+
+def _common_motion(before_px: FloatArray, at_px: FloatArray, found: BoolArray,
+                   apart_px: float) -> tuple[Homography, BoolArray]:
+    """The similarity by which most of the features that were found have moved, and (N,) bool: these."""
+    together = np.zeros(len(found), bool)
+    if found.sum() < _LEAST_TOGETHER:
+        return np.eye(3), together
+    affine, agrees = cv2.estimateAffinePartial2D(before_px[found], at_px[found], method=cv2.RANSAC,
+                                                 ransacReprojThreshold=apart_px)
+    if affine is None or agrees.sum() < _LEAST_TOGETHER:
+        return np.eye(3), together
+    together[found] = agrees.ravel().astype(bool)
+    return np.vstack([affine, [0.0, 0.0, 1.0]]), together
 
 
 def _flowed(first: Gray, second: Gray, from_px: FloatArray, start_px: FloatArray) -> tuple[FloatArray, BoolArray]:

@@ -21,6 +21,7 @@ class FeatureTrust:
     def __init__(self, features: int) -> None:
         self._trust = np.ones(features)
         self._frames = 2  # as if all had agreed in the two frames before the first
+        self._blocked: BoolArray = np.zeros(features, bool)
 
     @property
     def trust(self) -> FloatArray:
@@ -29,8 +30,13 @@ class FeatureTrust:
 
     def set_prior(self, trust: FloatArray) -> None:
         """Replaces the weights by a prior, (features,) in [0, 1]."""
-        self._trust = trust.astype(np.float64)
+        self._trust = np.where(self._blocked, 0.0, trust)
         self._frames = max(self._frames, round(1 / _REGAINING))
+
+    def block(self, which: BoolArray) -> None:
+        """The features `which`, (features,) bool, are no part of the scene: they have no weight from now on."""
+        self._blocked = self._blocked | which
+        self._trust = np.where(self._blocked, 0.0, self._trust)
 
     def update(self, pairs: Correspondences, fit: Fit, in_view: BoolArray) -> None:
         """Moves the weights of features in view, (features,) bool, towards 1 for inliers of the fit, else 0."""
@@ -38,4 +44,5 @@ class FeatureTrust:
         agreed = np.zeros(len(self._trust))
         agreed[pairs.feature_id[fit.inlier]] = 1.0
         rate = np.maximum(np.where(agreed > self._trust, _REGAINING, _RATE), 1 / self._frames)
-        self._trust[in_view] += (rate * (agreed - self._trust))[in_view]
+        moved = in_view & ~self._blocked
+        self._trust[moved] += (rate * (agreed - self._trust))[moved]

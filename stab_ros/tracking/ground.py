@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from stab_ros.core.types import BoolArray, FloatArray, Homography
 from stab_ros.tracking.ambiguity import Ambiguity, Verdict
 from stab_ros.tracking.anchor import Anchor
 from stab_ros.tracking.anchor_pose import AT_REFERENCE
 from stab_ros.tracking.ground_choice import CompetingHypothesis
+from stab_ros.tracking.sensor_fixed import fixed_area
 from stab_ros.tracking.start_buffer import GroundState, StartBuffer, StartResult
 from stab_ros.tracking.static_map import StaticMap
 
@@ -23,7 +26,24 @@ class Ground:
         self._known = static_map is not None
         self._ambiguity: Ambiguity | None = None
         self._frames = 0  # registered ones
+        self.sensor_fixed_share = 0.0  # of the picture, in [0, 1], that moves with the camera
         self.buffer: StartBuffer | None = None
+        self._fixed_to_camera: BoolArray | None = None
+
+    @property
+    def fixed_to_camera(self) -> BoolArray | None:
+        """(h, w) bool, in px of any frame; None: nothing is known to be."""
+        return self._fixed_to_camera
+
+    def add_fixed_to_camera(self, points_px: FloatArray) -> bool:
+        """Takes patches at (n, 2) for fixed to the camera; whether there are any."""
+        if not len(points_px):
+            return False
+        area, known = fixed_area(points_px, self.static_map.size), self._fixed_to_camera
+        self._fixed_to_camera = area = area if known is None else known | area
+        self.sensor_fixed_share = np.count_nonzero(area) / area.size
+        self.static_map = self.static_map.without(self._fixed_to_camera)
+        return True
 
     @property
     def state(self) -> GroundState:
@@ -43,6 +63,7 @@ class Ground:
     def decide(self, result: StartResult) -> None:
         """Takes what the start-up has found."""
         self.static_map, self._known, self._ambiguity = result.static_map, True, result.ambiguity
+        self.add_fixed_to_camera(result.fixed_px)
 
     def restrict(self, allowed: BoolArray) -> None:
         """Other settings allow ground elsewhere, (h, w) bool; a map that was found stays."""

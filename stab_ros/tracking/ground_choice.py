@@ -8,6 +8,9 @@ So each pair of planes is compared by
    plane's features,
 3. drift: a hovering camera moves little; how far each plane moved during the start-up,
 4. size,
+5. motion, where one of the planes has not moved at all in the image: then it is fixed to the camera, as an overlay, or
+   the camera is fixed and the other one is water. A camera turns and sways, water moves on steadily and shears. And
+   what is fixed to the camera is scattered over the scene,
 
 as log odds that add up. Each of them is bounded, so none can outweigh all others. (A polygon or a static map replaces
 them all.) Where the sum stays small, the choice is ambiguous, and the other plane is kept as a competing hypothesis.
@@ -22,13 +25,17 @@ from typing import TypeAlias
 import cv2
 import numpy as np
 
-from stab_ros.core.geometry import apply, grid
+from stab_ros.core.geometry import apply, grid, point_jacobian
 from stab_ros.core.types import FloatArray, Homography, IdArray
 from stab_ros.tracking.planes import Plane
 
 _PERSISTENCE, _SPREAD, _SIZE = 2.0, 3.5, 0.25  # log odds
 _MOST_BY_DRIFT = 1.0  # after a second; evidence grows with time
 _HOVERING = 0.0015  # of the image width: drift of a hovering camera during the start-up
+_SWAY_PX = 0.5  # of a plane beyond a steady motion: neither for nor against a moving camera
+_MOTION, _MOST_BY_MOTION = 1.5, 3.0
+_SCATTERED = 4.0
+_BESIDE = 1.6  # times the mean distance of the features
 _AMBIGUOUS = 1.65  # odds of 5 to 1, more than drift and size alone can give
 _APART_PX = 1.0  # planes that separate by less make no difference
 _UNSTEADY = 0.3  # largest share of the separation that is not in proportion to time
@@ -72,6 +79,11 @@ class Observations:
     size: tuple[int, int]
     elapsed_s: FloatArray
 
+    @property
+    def beside_px(self) -> float:
+        """Largest distance of features that lie side by side."""
+        return _BESIDE * math.sqrt(self.size[0] * self.size[1] / len(self.reference_px))
+
 
 def choose_ground(planes: list[Plane], seen: Observations, provisional: bool = False) -> Choice:
     """The most likely ground among one or more planes.
@@ -92,7 +104,8 @@ class _Cues:
     """Cues of one plane.
 
     persistence: share of inliers in its Voronoi cells. hull, features_px: (n, 2). drift_px: at the end of the start-up.
-    width_px: of the image. elapsed_s: length of the start-up.
+    width_px: of the image. elapsed_s: length of the start-up. at_rest: of `Plane`. motion: log odds that it moves as
+    the scene does before a camera, and not as water. scattered: log odds that it is scattered over the scene.
     """
 
     persistence: float
@@ -101,6 +114,9 @@ class _Cues:
     drift_px: float
     width_px: int
     elapsed_s: float
+    at_rest: bool
+    motion: float
+    scattered: float
 
     def odds_against(self, other: _Cues) -> float:
         """Log odds that this plane is the ground and not the other one."""
@@ -108,9 +124,16 @@ class _Cues:
 
     def odds_without_drift(self, other: _Cues) -> float:
         """The same by all cues but drift."""
-        spread = _enclosed(other.features_px, self.hull) - _enclosed(self.features_px, other.hull)
-        return (_PERSISTENCE * math.log(self.persistence / other.persistence) + _SPREAD * spread
-                + _SIZE * math.log(len(self.features_px) / len(other.features_px)))
+        return (_PERSISTENCE * math.log(self.persistence / other.persistence)
+                + _SIZE * math.log(len(self.features_px) / len(other.features_px))
+                + (self._spread(other) if self.at_rest is other.at_rest else self._motion(other)))
+
+    def _spread(self, other: _Cues) -> float:
+        return _SPREAD * (_enclosed(other.features_px, self.hull) - _enclosed(self.features_px, other.hull))
+
+    def _motion(self, other: _Cues) -> float:
+        """Where one of the two is at rest: log odds that it is fixed to the camera, if that is the other one."""
+        return -other._motion(self) if self.at_rest else self.motion + other.scattered
 
 
 def drift_odds(own_px: float, other_px: float, width_px: int, elapsed_s: float) -> float:
@@ -135,8 +158,51 @@ def _cues(planes: list[Plane], seen: Observations) -> list[_Cues]:
         features_px = seen.reference_px[plane.member]
         hull = np.asarray(cv2.convexHull(features_px.astype(np.float32)).reshape(-1, 2))
         found.append(_Cues(persistence, hull, features_px, drift_px(plane.last, seen.size), seen.size[0],
-                           float(seen.elapsed_s[-1])))
+                           float(seen.elapsed_s[-1]), plane.at_rest, _motion_odds(plane, seen),
+                           _scattered_odds(plane, seen)))
     return found
+
+
+def _scattered_odds(plane: Plane, seen: Observations) -> float:
+    """Log odds that the plane is scattered over a scene as an overlay is, whose features lie among those of the scene.
+
+    Banks have their features among themselves, but for the waterline.
+    """
+    own, others = seen.reference_px[plane.member], seen.reference_px[~plane.member]
+    if not len(others):
+        return -_SCATTERED
+    return _SCATTERED * (_share_near(own, others, seen.beside_px) - _share_near(others, own, seen.beside_px))
+
+
+def _motion_odds(plane: Plane, seen: Observations) -> float:
+    """Log odds that the plane moves as a scene does before a camera, and not as water before a camera at rest."""
+    moved_px = math.hypot(_turn_px(plane, seen), _sway_px(plane, seen))
+    odds = _MOTION * math.log(max(moved_px, 1e-3) / _SWAY_PX)
+    return max(-_MOST_BY_MOTION, min(odds, _MOST_BY_MOTION))
+
+
+def _turn_px(plane: Plane, seen: Observations) -> float:
+    """How far its features have moved by rotation and scale, beyond what they have by shear and strain, px."""
+    features_px = seen.reference_px[plane.member]
+    centre = features_px.mean(axis=0)
+    (a, b), (c, d) = point_jacobian(np.linalg.inv(plane.last), centre[None])[0] - np.eye(2)
+    similar, strained = math.hypot(a + d, c - b) / 2, math.hypot(a - d, b + c) / 2
+    return max(0.0, similar - strained) * float(np.sqrt(np.mean(np.sum((features_px - centre) ** 2, axis=1))))
+
+
+def _sway_px(plane: Plane, seen: Observations) -> float:
+    """RMS distance of its centre from a steady motion, px."""
+    known = np.flatnonzero(~np.isnan(plane.ref_H_cur[:, 0, 0]))
+    centre = seen.reference_px[plane.member].mean(axis=0)[None]
+    away_px = np.array([apply(np.linalg.inv(plane.ref_H_cur[f]), centre)[0] for f in known]) - centre
+    steady_px = seen.elapsed_s[known, None] * np.array(_rate(seen.elapsed_s[known], away_px))
+    return float(np.sqrt(np.mean(np.sum((away_px - steady_px) ** 2, axis=1))))
+
+
+def _share_near(points: FloatArray, others: FloatArray, within_px: float) -> float:
+    """Share of the points (n, 2) that have one of the others (m, 2) near by."""
+    nearest = others[_nearest(points, others)]
+    return float(np.mean(np.hypot(*(points - nearest).T) < within_px))
 
 
 def _persistences(planes: list[Plane], seen: Observations) -> list[float]:

@@ -10,6 +10,7 @@ from stab_ros.core.geometry import shift
 from stab_ros.core.types import Gray, Homography, Image
 
 _WIDTH_PX = 240  # of the reduced images, at most twice that
+_LEAST_RESPONSE = 0.03  # share of the correlation within 5x5 px of its peak
 
 
 class PhaseCorrelation:
@@ -21,13 +22,16 @@ class PhaseCorrelation:
         self._small = self._shrunk(reference)
         self._window = cv2.createHanningWindow(self._small.shape[::-1], cv2.CV_32F)
 
-    def corrected(self, current: Gray, guess: Homography) -> Homography:
-        """`guess` (ref_H_cur) with the shift that brings `current`, (h, w) uint8, best onto the reference."""
+    def corrected(self, current: Gray, guess: Homography) -> Homography | None:
+        """`guess` (ref_H_cur) with the shift that brings `current`, (h, w) uint8, best onto the reference.
+
+        None where the correlation has no clear peak.
+        """
         small_guess = self._shrinking.small(guess)
         warped = cv2.warpPerspective(self._shrunk(current), small_guess, self._small.shape[::-1],
                                      borderMode=cv2.BORDER_REFLECT)
-        (x, y), _ = cv2.phaseCorrelate(self._small, warped, self._window)
-        return self._shrinking.whole(shift(-x, -y) @ small_guess)
+        (x, y), response = cv2.phaseCorrelate(self._small, warped, self._window)
+        return self._shrinking.whole(shift(-x, -y) @ small_guess) if response >= _LEAST_RESPONSE else None
 
     def _shrunk(self, gray: Gray) -> Image:
         """float32, zero mean."""

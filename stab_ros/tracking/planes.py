@@ -8,7 +8,7 @@ its features are set aside, and the next is sought among the rest.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,7 +27,10 @@ _SAMPLES = 1000
 _SEED = 20201020
 _MOST_PLANES = 4
 _LEAST_SHARE = 0.02
-_LEAST_FEATURES = 12
+_SCATTERED = (2.0, 4.0)  # times the threshold, where hardly anything agrees within it
+_FEW = 0.2  # of the features
+_MANY_MORE = 2.0  # times as many
+LEAST_FEATURES = 12
 _PRESENT = 0.75  # of the frames: with fewer a feature has not kept its template
 _AGREES = 0.9  # of the frames it is seen in
 _WIDENING = 3
@@ -36,10 +39,17 @@ _MOTIONS = (read(F64, 2), read(F64, 3), read(F64, 2))  # start, moved, noise
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """Features that move as one plane. member: (N,) bool. ref_H_cur: (F, 3, 3), NaN where a frame gives none."""
+    """Features that move as one plane.
+
+    member: (N,) bool. ref_H_cur: (F, 3, 3), NaN where a frame gives none. at_rest: whether it has not moved at all in
+    the image: it is fixed to the camera, or the camera to the ground. scatter: how many times further than usual its
+    features lie off it, as on ground that is uneven or poorly compressed.
+    """
 
     member: BoolArray
     ref_H_cur: FloatArray
+    at_rest: bool = False
+    scatter: float = 1.0
 
     def __len__(self) -> int:
         return int(self.member.sum())
@@ -50,17 +60,30 @@ class Plane:
         return np.asarray(self.ref_H_cur[np.flatnonzero(~np.isnan(self.ref_H_cur[:, 0, 0]))[-1]])
 
 
-def find_planes(trajectories: Trajectories, threshold_px: float = THRESHOLD_PX) -> list[Plane]:
+def find_planes(trajectories: Trajectories, among: BoolArray | None = None,
+                threshold_px: float = THRESHOLD_PX) -> list[Plane]:
     """The planes that the features move with, the largest first; none where too few features were followed.
 
-    threshold_px: largest residual of a feature without noise.
+    among: (N,) bool, which features can belong to one; None: all. threshold_px: largest residual of a feature without
+    noise.
     """
     quarters = _quarter_frames(trajectories)
     if not len(quarters):
         return []
-    left: BoolArray = np.all(trajectories.seen[quarters], axis=0)
+    kept: BoolArray = np.all(trajectories.seen[quarters], axis=0)
+    kept = kept if among is None else kept & among
+    planes = _planes(trajectories, quarters, kept, threshold_px)
+    for scatter in _SCATTERED if _largest_share(planes, kept) < _FEW else ():
+        wider = _planes(trajectories, quarters, kept, scatter * threshold_px)
+        if _largest_share(wider, kept) > _MANY_MORE * _largest_share(planes, kept):
+            planes = [replace(plane, scatter=scatter) for plane in wider]
+    return planes
+
+
+def _planes(trajectories: Trajectories, quarters: IdArray, left: BoolArray, threshold_px: float) -> list[Plane]:
+    """The planes among the features `left`, (N,) bool, the largest first."""
     planes: list[Plane] = []
-    least = max(_LEAST_FEATURES, int(_LEAST_SHARE * len(left)))
+    least = max(LEAST_FEATURES, int(_LEAST_SHARE * len(left)))
     while left.sum() >= least and len(planes) < _MOST_PLANES:
         largest = _largest(trajectories, quarters, left, threshold_px)
         plane = _widened(trajectories, largest, quarters, left, threshold_px)
@@ -69,6 +92,10 @@ def find_planes(trajectories: Trajectories, threshold_px: float = THRESHOLD_PX) 
         planes.append(plane)
         left = left & ~plane.member
     return sorted(planes, key=len, reverse=True)
+
+
+def _largest_share(planes: list[Plane], among: BoolArray) -> float:
+    return len(planes[0]) / np.sum(among) if planes else 0.0
 
 
 def _quarter_frames(trajectories: Trajectories) -> IdArray:

@@ -1,51 +1,132 @@
-"""From matches to a homography, and whether it is accepted."""
+"""From matches to a homography, and why it is not accepted."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from stab_ros.core.geometry import is_plausible, sigma_px
+import numpy as np
+
+from stab_ros.core.geometry import apply, is_plausible, rms_distance, sigma_px
 from stab_ros.core.row_shifts import RowShifts
-from stab_ros.core.types import Correspondences, Fit, FloatArray, Homography
+from stab_ros.core.types import BoolArray, Correspondences, Fit, FloatArray, Homography, LostReason
 from stab_ros.estimation import estimators
+from stab_ros.estimation.aliasing import with_aliasing
+from stab_ros.estimation.models import PARAMETERS, Basis
+from stab_ros.estimation.problem import TRUSTED
 from stab_ros.estimation.rows import fit_rows
+from stab_ros.methods import METHODS
 from stab_ros.tracking.anchor_pose import AnchorPose
+from stab_ros.tracking.frozen_blocks import no_better
 from stab_ros.tracking.settings import StabilizerConfig
+from stab_ros.tracking.support import Support
+
+# median residuals are 0.1 to 0.4 px, 0.5 px with 9 px of motion blur, and 0.8 px where the homography is 1 px off
+_MOST_MEDIAN_PX = 0.65
+_SIMPLE = "similarity"
+_TILT = 0.0005  # of the longer side
+_WORTH = 2.0  # times as uncertain as a fit that extrapolates: how uncertain that one is is not well known itself
+_LEAST_NEW = 24  # matches that no codec has copied, to tell where the ground is by themselves
 
 
 @dataclass(frozen=True)
 class Registration:
-    """Fits and judges by the settings."""
+    """Fits and judges by the settings.
+
+    size: width, height of the reference, px. scatter: how many times further than usual features lie off their plane.
+    """
 
     config: StabilizerConfig
+    size: tuple[int, int]
+    scatter: float = 1.0
 
-    def solve(self, pairs: Correspondences, guess: Homography, trust: FloatArray) -> Fit | None:
+    @property
+    def threshold_px(self) -> float:
+        """Largest residual of an inlier."""
+        return self.scatter * self.config.threshold
+
+    def solve(self, pairs: Correspondences, guess: Homography, trust: FloatArray, frozen: BoolArray) -> Fit | None:
         """The homography from the current frame to where the pairs' reference_px lie; None where nothing fits.
 
-        guess: the homography to start from. trust: (N,) weight of each pair, in [0, 1].
+        guess: the homography to start from. trust: (N,) weight of each pair, in [0, 1]. frozen: (N,) bool, copied by
+        the codec from an earlier frame.
         """
+        if not frozen.any():
+            return self._fitted(pairs, guess, trust)
+        fit = self._fitted(no_better(pairs, frozen), guess, trust)
+        new = self._fitted(pairs, guess, np.where(frozen, 0.0, trust))
+        if fit is None or new is None or new.inlier[~frozen].sum() < _LEAST_NEW:
+            return fit
+        return self._reconciled(fit, new)
+
+    def _reconciled(self, fit: Fit, new: Fit) -> Fit:
+        """The fit to all matches, with an uncertainty that spans the fit to new ones alone; that one if it is far off.
+
+        Their distance counts by half, as both show a part of the picture.
+        """
+        if rms_distance(fit.ref_H_cur, new.ref_H_cur, self.size) > self.threshold_px:
+            return new
+        apart = (new.ref_H_cur - fit.ref_H_cur).ravel()[:8]
+        return replace(fit, covariance=fit.covariance + np.outer(apart, apart) / 4)
+
+    def _fitted(self, pairs: Correspondences, guess: Homography, trust: FloatArray) -> Fit | None:
+        """By the model of the settings, or a similarity where the ground is too narrow to support more."""
+        fit = self._by_model(self.config.model, pairs, guess, trust)
+        if fit is None or PARAMETERS[self.config.model] <= PARAMETERS[_SIMPLE] or self._sigma_px(fit) < self._tilt_px:
+            return fit
+        simple = self._by_model(_SIMPLE, pairs, guess, trust)
+        simple = None if simple is None else self._tilted(simple, pairs)
+        if simple is None or self._sigma_px(simple) > _WORTH * self._sigma_px(fit):
+            return fit
+        return simple
+
+    def _by_model(self, model: str, pairs: Correspondences, guess: Homography, trust: FloatArray) -> Fit | None:
         config = self.config
-        return estimators.fit(pairs, config.model, config.estimator, config.threshold, guess, trust,
-                              config.ransac_threshold)
+        fit = estimators.fit(pairs, model, config.estimator, self.threshold_px, guess, trust, config.ransac_threshold)
+        return None if fit is None else with_aliasing(fit, pairs)
 
     def solve_rows(self, pairs: Correspondences, guess: Homography, trust: FloatArray,
-                   rows: RowShifts | None, size: tuple[int, int]) -> Fit | None:
-        """As `solve`, with displacements of the rows, from `rows` on; None where held-out features do not confirm any.
-
-        size: width and height of the frame, px.
-        """
-        config = self.config
-        found = fit_rows(pairs, trust, config.model, config.threshold, guess, size, rows)
+                   rows: RowShifts | None) -> Fit | None:
+        """As `solve`, with displacements of the rows, from `rows` on; None where held-out features confirm none."""
+        found = fit_rows(pairs, trust, self.config.model, self.threshold_px, guess, self.size, rows)
         return found.fit if found is not None and found.holds else None
 
-    def accepts(self, fit: Fit, pose: AnchorPose, expected: float, size: tuple[int, int]) -> bool:
-        """Whether the camera can move so, enough features agree, and the uncertainty of this registration is small.
+    def _tilted(self, fit: Fit, pairs: Correspondences) -> Fit:
+        """A similarity with the uncertainty of what it leaves out: by a prior, the other four parameters are 0."""
+        width, height = self.size
+        around = Basis("projective", pairs.reference_px[fit.inlier].mean(axis=0), float(np.hypot(width, height)) / 2)
+        left_out = around.entry_jacobian(fit.ref_H_cur)[:, PARAMETERS[_SIMPLE] :] * self._tilt_px
+        return replace(fit, covariance=fit.covariance + left_out @ left_out.T, model=_SIMPLE)
 
-        pose: of the anchor. expected: number of trusted features in view. size: width, height, px.
+    @property
+    def _tilt_px(self) -> float:
+        """What tilt and relief displace half a diagonal from the ground, at a hovering camera (standard deviation)."""
+        return _TILT * max(self.size)
+
+    def _sigma_px(self, fit: Fit) -> float:
+        return sigma_px(fit.ref_H_cur, fit.covariance, self.size)
+
+    def _blurred(self, fit: Fit, pairs: Correspondences, trust: FloatArray) -> bool:
+        """Whether most of the trusted features lie off the fit.
+
+        In a strongly blurred frame each patch is still found, but displaced in a direction that depends on its texture.
+        The large number of patches would make such a result look certain, although it is off by pixels.
         """
-        if not is_plausible(pose.in_anchor(fit.ref_H_cur), size):
+        if not METHODS[self.config.method].seeks_all:
             return False
-        return (
-            int(fit.inlier.sum()) >= max(self.config.min_inliers, self.config.min_inlier_share * expected)
-            and sigma_px(fit.ref_H_cur, fit.covariance, size) <= self.config.max_sigma
-        )
+        off_px = np.hypot(*(apply(fit.ref_H_cur, pairs.current_px) - pairs.reference_px)[trust > TRUSTED].T)
+        return len(off_px) > 0 and float(np.median(off_px)) > self.scatter * _MOST_MEDIAN_PX
+
+    def rejected(self, fit: Fit, pose: AnchorPose, pairs: Correspondences, trust: FloatArray,
+                 support: Support) -> LostReason | None:
+        """Why the fit is not accepted: the camera cannot move so, too few features agree, or it is too uncertain.
+
+        pose: of the anchor. trust: (N,) of the pairs. None: it is accepted.
+        """
+        if not is_plausible(pose.in_anchor(fit.ref_H_cur), self.size):
+            return LostReason.IMPLAUSIBLE
+        many = support.share >= self.config.min_inlier_share and not self._blurred(fit, pairs, trust)
+        if fit.inlier.sum() < self.config.min_inliers or not (many or support.is_solid):
+            return LostReason.FEW_INLIERS
+        if self._sigma_px(fit) > self.config.max_sigma * max(self.size) / 1000:
+            return LostReason.UNCERTAIN
+        return None

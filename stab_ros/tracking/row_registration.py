@@ -30,7 +30,7 @@ class RowRegistration:
     def solve(self, pairs: Correspondences, guess: Homography, trust: FloatArray,
               rows: RowShifts | None = None) -> Fit | None:
         """As `Registration.solve_rows`."""
-        return self.registration.solve_rows(pairs, guess, trust, rows, self.size)
+        return self.registration.solve_rows(pairs, guess, trust, rows)
 
     def near(self, anchor: Anchor, gray: Gray, guess: Homography, chains: bool) -> Match | None:
         """A registration with displacements of the rows that explains most features; None where there is none.
@@ -58,4 +58,4 @@ def _inliers(match: Match) -> int:
 def _explains_most(match: Match, anchor: Anchor) -> bool:
     """Whether most of the features that the frame should show agree with the fit."""
     pairs, fit = match
-    return fit is not None and _inliers(match) >= _MOST * anchor.expected(pairs, fit.ref_H_cur)
+    return fit is not None and anchor.support(pairs, fit).share >= _MOST

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from stab_ros.core.errors import InputError
-from stab_ros.core.geometry import sigma_px
-from stab_ros.core.types import Correspondences, Fit, FloatArray, Gray, Homography, State, Track
+from stab_ros.core.geometry import rms_distance, sigma_px
+from stab_ros.core.types import Correspondences, Fit, FloatArray, Gray, Homography, LostReason, State, Track
 from stab_ros.estimation.rows import straightened
-from stab_ros.tracking.anchor import Anchor, AnchorFactory
+from stab_ros.tracking.anchor import Anchor, AnchorFactory, Solve
 from stab_ros.tracking.anchor_pose import AT_REFERENCE, AnchorPose
 from stab_ros.tracking.frame_stamp import FrameStamp
 from stab_ros.tracking.ground import Ground
 from stab_ros.tracking.keyframes import Keyframes
 from stab_ros.tracking.motion import CameraMotion
 from stab_ros.tracking.parallax import Parallax
+from stab_ros.tracking.recovery import Recovery
 from stab_ros.tracking.reference import Reference, is_textured
 from stab_ros.tracking.registration import Registration
 from stab_ros.tracking.rolling_shutter import RollingShutter, with_rows
@@ -30,25 +31,44 @@ from stab_ros.tracking.strategies import Adjacent, Fixed, Strategy, Updated
 _SPARED_SHARE = 0.5  # of the trusted features of an anchor
 _SINGLE = {"fixed": Fixed, "updated": Updated, "adjacent": Adjacent}  # the strategies that keep one anchor
 
+_USUAL = 0.75  # of the usual share of inliers: with fewer, a frame is looked for elsewhere, too
+_SHARE_RATE = 0.1  # of the mean over frames
+_CONVERGED_PX, _MOST_REGISTRATIONS = 0.1, 3
+_PROMISING = 0.2  # of the inliers expected: with fewer a registration leads nowhere
+
+
+@dataclass(frozen=True, eq=False)
+class _Attempt:
+    """A frame registered to one anchor. rejected: why not; None: accepted. share: inliers of those expected, or 0."""
+
+    anchor: Anchor
+    pairs: Correspondences
+    fit: Fit | None
+    rejected: LostReason | None
+    share: float
+
 
 class Session:
     """Registers frames to one reference.
 
-    reset_counter: how often a reference was replaced before, or the choice of ground turned. last_match: the matches
-    of the last frame, and what was fitted to them.
+    reset_counter: how often a reference was replaced before, or the choice of ground turned. found: number of frames
+    that matched the reference so far, within the start-up each by the square of the share of features that it shows,
+    since some of them match by chance. last_match: the matches of the last frame, and what was fitted to them.
     """
 
     def __init__(self, reference: Reference, anchor: Anchor, factory: AnchorFactory, config: StabilizerConfig,
                  static_map: StaticMap | None, time_ns: int, reset_counter: int) -> None:
         """anchor: of the reference, made by `factory`. static_map: where ground is, if known. time_ns: of the frame."""
-        self.reference, self.reset_counter = reference, reset_counter
+        self.reference, self.reset_counter, self.found = reference, reset_counter, 0.0
         self.ground = Ground(factory.allowed, static_map)
-        self.motion = CameraMotion(np.eye(3), time_ns)
+        self.motion = CameraMotion(reference.frame.size, np.eye(3), time_ns)
         self.parallax = Parallax(reference.frame.size)
         self.rolling_shutter = RollingShutter()
         self.last_match: tuple[Correspondences, Fit | None] | None = None
-        self._factory, self._registration = factory, Registration(config)
+        self._factory, self._registration = factory, Registration(config, self.reference.frame.size)
         self._strategy = self._strategy_of(anchor, config, factory)
+        self._recovery = Recovery(self.ground)
+        self._usual_share = 0.0  # of inliers
 
     @property
     def keyframes(self) -> int:
@@ -56,15 +76,21 @@ class Session:
         return len(self._strategy) if isinstance(self._strategy, Keyframes) else 0
 
     def track(self, stamp: FrameStamp, gray: Gray) -> Track:
-        """The answer to a frame, (h, w) uint8: the first candidate whose registration is accepted, else LOST."""
-        matches = 0
-        for anchor, guess in self._candidates(gray, stamp.time_ns):
-            pairs, fit = self._register(anchor, gray, guess)
-            if fit is not None and self._accepts(fit, anchor.pose, anchor.expected(pairs, fit.ref_H_cur)):
-                return self._accepted(stamp, anchor, gray, pairs, fit)
-            matches = len(pairs)
+        """The answer to a frame, (h, w) uint8: by the first guess that registers it as usual, else the best."""
+        attempts: list[_Attempt] = []
+        for anchor, guess in self._recovery.guesses(self._strategy, self.motion, gray, stamp.time_ns):
+            attempts.append(self._attempt(anchor, gray, guess))
+            if attempts[-1].share > _USUAL * self._usual_share:
+                break
+        best = max(attempts, key=lambda attempt: attempt.share)
+        self.last_match = best.pairs, best.fit
+        if best.fit is not None and best.rejected is None:
+            self.found += 1
+            self._usual_share += _SHARE_RATE * (best.share - self._usual_share)
+            return self._accepted(stamp, best.anchor, gray, best.pairs, best.fit)
         self.motion = self.motion.standing()
-        return self.lost(stamp, matches)
+        reason = max((one.rejected for one in attempts if one.rejected is not None), key=list(LostReason).index)
+        return self.lost(stamp, _or_flat(reason, is_textured(gray)), len(attempts[-1].pairs))
 
     def first(self, stamp: FrameStamp) -> Track:
         """The answer to the reference itself: the identity, exactly."""
@@ -72,16 +98,23 @@ class Session:
         return Track(State.TRACKED, stamp.index, stamp.stamp_ns, stamp.stamp_ns, self.reset_counter, n, n, np.eye(3),
                      np.zeros((8, 8)), 0.0, 0.0)
 
-    def lost(self, stamp: FrameStamp, matches: int = 0) -> Track:
+    def lost(self, stamp: FrameStamp, reason: LostReason, matches: int = 0) -> Track:
         """The answer to a frame that could not be registered."""
         reference_ns = self.reference.frame.stamp_ns
-        return Track(State.LOST, stamp.index, stamp.stamp_ns, reference_ns, self.reset_counter, matches)
+        return Track(State.LOST, stamp.index, stamp.stamp_ns, reference_ns, self.reset_counter, matches,
+                     lost_reason=reason)
 
     def buffer(self, duration_ns: int, time_ns: int) -> bool:
         """Buffers the frames from here on, until it is known what is ground; whether there is anything to find out."""
         start = StartBuffer(self.reference, self._factory.allowed, time_ns, duration_ns, self._seeks_rows)
         self.ground.buffer = start if start.useful else None
         return start.useful
+
+    def follow(self, stamp: FrameStamp, gray: Gray) -> float:
+        """Buffers a frame, (h, w) uint8, of the start-up; the share of features that it shows."""
+        shown = 0.0 if self.ground.buffer is None else self.ground.buffer.follow(stamp, gray)
+        self.found += shown**2
+        return shown
 
     def finish(self) -> list[Track]:
         """Ends the start-up: the answers to the buffered frames, by what has been seen so far."""
@@ -108,7 +141,7 @@ class Session:
             self._strategy = self._rebuilt(config, factory)
             self.last_match = None
             self.ground.restrict(factory.allowed)
-        self._factory, self._registration = factory, Registration(config)
+        self._factory, self._registration = factory, dataclasses.replace(self._registration, config=config)
 
     def _rebuilt(self, config: StabilizerConfig, factory: AnchorFactory) -> Strategy:
         """The strategy anew, from the present anchor; from the reference if it is that, or is to be."""
@@ -134,30 +167,47 @@ class Session:
     def _weighted(self, anchor: Anchor) -> Anchor:
         if self.ground.prior is not None:
             anchor.set_prior_weights(self.ground.prior)
-        return anchor
+        return self._block(anchor)
 
-    def _candidates(self, gray: Gray, time_ns: int) -> Iterator[tuple[Anchor, Homography]]:
-        """Anchors and initial ref_H_cur: at constant velocity, standing, shifted, and wherever SIFT features lie."""
-        expected, last = self.motion.predict(time_ns), self.motion.last
-        anchor = self._strategy.choose(expected)
-        yield anchor, expected
-        if not is_textured(gray):
-            return
-        yield anchor, last
-        yield anchor, anchor.shifted(gray, last)
-        for one in (anchor, *self._strategy.others(last)):
-            found = one.relocated(gray)
-            if found is not None:
-                yield one, found
+    def _attempt(self, anchor: Anchor, gray: Gray, guess: Homography) -> _Attempt:
+        pairs, fit = self._register(anchor, gray, guess)
+        if fit is None:
+            return _Attempt(anchor, pairs, fit, _unfitted(pairs), 0.0)
+        support = anchor.support(pairs, fit)
+        rejected = self._registration.rejected(fit, anchor.pose, pairs, anchor.trust[pairs.feature_id], support)
+        return _Attempt(anchor, pairs, fit, rejected, support.share if rejected is None else 0.0)
 
     def _register(self, anchor: Anchor, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
+        """Matches and a fit to them, with displacements of the rows where they swing."""
+        anchor.look(gray)
         chains, swings = self._strategy.chains, self._seeks_rows and self.rolling_shutter.known
         match = self._by_rows.near(anchor, gray, guess, chains) if swings else None
-        if match is None:
-            match = anchor.register(gray, guess, self._registration.solve, chains)
-            match = self._by_rows.improved(anchor, gray, match, chains) if swings else match
-        self.last_match = match
-        return match
+        if match is not None:
+            return match
+        match = self._converged(anchor, gray, guess)
+        return self._by_rows.improved(anchor, gray, match, chains) if swings else match
+
+    def _converged(self, anchor: Anchor, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
+        """Matches and a fit to them; from where that led, again, if it led far."""
+        for _ in range(_MOST_REGISTRATIONS):
+            pairs, fit = anchor.register(gray, guess, self._solver(anchor), self._strategy.chains)
+            if fit is None or pairs.ref_H_cur is None or self._has_converged(fit, pairs.ref_H_cur):
+                break
+            if anchor.support(pairs, fit).share < _PROMISING:
+                break
+            guess = fit.ref_H_cur
+        return pairs, fit
+
+    def _has_converged(self, fit: Fit, measured_at: Homography) -> bool:
+        """Whether the matches were measured so near to the fit that they would be the same there."""
+        size = self.reference.frame.size
+        moved_px = rms_distance(fit.ref_H_cur, measured_at, size)
+        return moved_px <= _CONVERGED_PX or moved_px <= sigma_px(fit.ref_H_cur, fit.covariance, size)
+
+    def _solver(self, anchor: Anchor) -> Solve:
+        """Fits matches with the anchor in the frame that it has looked at."""
+        return lambda pairs, guess, trust: self._registration.solve(pairs, guess, trust,
+                                                                    anchor.frozen[pairs.feature_id])
 
     @property
     def _seeks_rows(self) -> bool:
@@ -167,17 +217,16 @@ class Session:
     def _by_rows(self) -> RowRegistration:
         return RowRegistration(self._registration, self.reference.frame.size)
 
-    def _accepts(self, fit: Fit, pose: AnchorPose, expected: float) -> bool:
-        return self._registration.accepts(fit, pose, expected, self.reference.frame.size)
-
     def _accepted(self, stamp: FrameStamp, anchor: Anchor, gray: Gray, pairs: Correspondences, fit: Fit) -> Track:
         """The answer to a registered frame, after which anchors, weights and ground are brought up to date."""
         self._strategy.registered(anchor, fit, lambda other: self._checked_by(other, anchor, gray, fit))
         self._note_rows(pairs, anchor.trust[pairs.feature_id], fit)
-        anchor.update_weights(pairs, fit)
+        anchor.update_weights(gray, pairs, fit)
+        self._find_fixed(anchor, gray, fit)
         self.parallax.add(straightened(pairs, fit.rows), fit, self.ground.contains(pairs.reference_px))
         self.ground.update(anchor)
         track = self._tracked(stamp, pairs, fit)
+        self._recovery.keep(gray, fit.ref_H_cur)
         self._extend(gray, fit)
         self._reconsider(fit.ref_H_cur, stamp.time_ns)
         return track
@@ -190,8 +239,11 @@ class Session:
         """The same frame registered to another anchor, too; None if that is rejected, or its rows have swung."""
         if fit.rows is not None:
             return None
-        _, seen = other.register(gray, fit.ref_H_cur, self._registration.solve, chain=False)
-        return seen if seen is not None and self._accepts(seen, anchor.pose, 0.0) else None
+        pairs, seen = other.register(gray, fit.ref_H_cur, self._solver(other), chain=False)
+        if seen is None:
+            return None
+        trust, support = other.trust[pairs.feature_id], other.support(pairs, seen)
+        return None if self._registration.rejected(seen, anchor.pose, pairs, trust, support) else seen
 
     def _tracked(self, stamp: FrameStamp, pairs: Correspondences, fit: Fit) -> Track:
         """The answer of an accepted fit, from which the next frame is predicted."""
@@ -217,23 +269,35 @@ class Session:
         anchor = self._factory.at(gray.copy(), pose)
         if len(anchor.features_px) >= config.min_inliers:
             anchor.inherit_weights(old, self.ground.prior)
-            self._strategy.add(anchor)
+            self._strategy.add(self._block(anchor))
+
+    def _find_fixed(self, anchor: Anchor, gray: Gray, fit: Fit) -> None:
+        """What moves with the camera and not with the ground is left out of all anchors from now on."""
+        if self.ground.add_fixed_to_camera(anchor.fixed_to_camera(gray, fit.ref_H_cur)):
+            for one in self._strategy.anchors:
+                self._block(one)
+
+    def _block(self, anchor: Anchor) -> Anchor:
+        if self.ground.fixed_to_camera is not None:
+            anchor.block(self.ground.fixed_to_camera)
+        return anchor
 
     def _reconsider(self, ref_H_cur: Homography, time_ns: int) -> None:
         """If the other plane turns out to be the ground, the next frames are registered to that."""
         by_other = self.ground.turned(ref_H_cur, time_ns)
         if by_other is not None:
-            self.motion = CameraMotion(by_other, time_ns)
+            self.motion = self.motion.at(by_other)
             self._set_prior_weights()
             self.reset_counter += 1  # what was answered before does not belong to what follows
 
     def _set_prior_weights(self) -> None:
         for anchor in self._strategy.anchors:
-            anchor.set_prior_weights(self.ground.static_map)
+            self._block(anchor).set_prior_weights(self.ground.static_map)
 
     def _answers(self, result: StartResult) -> list[Track]:
         """The answers to buffered frames, by what the start-up takes for ground."""
         self.ground.decide(result)
+        self._registration = dataclasses.replace(self._registration, scatter=result.scatter)
         self._set_prior_weights()
         if result.rows_swing:
             self.rolling_shutter.found()
@@ -242,13 +306,30 @@ class Session:
         return [dataclasses.replace(track, provisional=result.provisional) for track in tracks]
 
     def _answer(self, frame: BufferedFrame, result: StartResult) -> Track:
-        fit = self._registration.solve(frame.pairs, frame.guess, frame.trust)
+        fit = self._registration.solve(frame.pairs, frame.guess, frame.trust, frame.frozen)
         if self._seeks_rows and self.rolling_shutter.known:
             fit = self._by_rows.solve(frame.pairs, frame.guess, frame.trust) or fit
         if fit is not None:
             self._note_rows(frame.pairs, frame.trust, fit)
         self.last_match = frame.pairs, fit
-        if fit is not None and self._accepts(fit, self._strategy.anchor.pose, result.expected(fit.ref_H_cur)):
-            return self._tracked(frame.stamp, frame.pairs, fit)
+        if fit is None:
+            reason = _unfitted(frame.pairs)
+        else:
+            support = result.support(frame.pairs, fit)
+            rejected = self._registration.rejected(fit, self._strategy.anchor.pose, frame.pairs, frame.trust, support)
+            if rejected is None:
+                return self._tracked(frame.stamp, frame.pairs, fit)
+            reason = rejected
         self.motion = self.motion.standing()
-        return self.lost(frame.stamp, len(frame.pairs))
+        return self.lost(frame.stamp, _or_flat(reason, frame.textured), len(frame.pairs))
+
+
+def _unfitted(pairs: Correspondences) -> LostReason:
+    """Why matches determine no homography."""
+    return LostReason.FEW_INLIERS if len(pairs) else LostReason.NO_FEATURES
+
+
+def _or_flat(reason: LostReason, textured: bool) -> LostReason:
+    """The reason, or that the frame has no texture: few features agree in such a one by chance."""
+    by_chance = reason.or_further(LostReason.FEW_INLIERS) is LostReason.FEW_INLIERS
+    return LostReason.NO_TEXTURE if by_chance and not textured else reason

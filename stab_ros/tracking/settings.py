@@ -51,11 +51,12 @@ class StabilizerConfig(Checked):
     start_s: float = setting(1.0, "Length of the start-up, in which frames are buffered until static ground is known, "
                              "s of header time; 0 where roi, exclude, points or static_map are given", 0.0, 60.0)
     min_inliers: int = setting(12, "A frame with fewer inliers is LOST", 1, 10000)
-    min_inlier_share: float = setting(0.1, "A frame with a smaller share of inliers is LOST: of the trusted features "
-                                      "in view, or of half the trusted matches where the method uses a detector", 0.0,
-                                      1.0)
-    max_sigma: float = setting(1.0, "A frame whose registration has a larger sigma_px is LOST, px; the uncertainty of "
-                               "the anchor frame and of an ambiguous ground is not counted", 0.001, 100.0)
+    min_inlier_share: float = setting(0.2, "A frame with a smaller share of trusted inliers is LOST: of the trusted "
+                                      "features in view, or of half the trusted matches where the method uses a "
+                                      "detector", 0.0, 1.0)
+    max_sigma: float = setting(2.0, "A frame whose registration has a larger sigma_px is LOST, in thousandths of the "
+                               "image's longer side; the uncertainty of the anchor frame and of an ambiguous ground "
+                               "is not counted", 0.001, 100.0)
     threads: int = setting(0, "Number of threads of this process; does not change results; 0: one per core, at most 4",
                            0, 64)
     method_config: object = None

@@ -43,7 +43,7 @@ class Setup:
     @property
     def start_ns(self) -> int:
         """Length of the start-up; 0 where it is given what is ground."""
-        known = self.static_map or self.area.roi or self.area.exclude or len(self.points_px)
+        known = self.static_map or self.area.roi or len(self.points_px)
         return 0 if known else round(self.config.start_s * 1e9)
 
     def anchors(self, size: tuple[int, int]) -> AnchorFactory:

@@ -13,7 +13,19 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.region import Area
 from stab_ros.core.threads import use_threads
 from stab_ros.core.timeline import Timeline
-from stab_ros.core.types import NO_POINTS, Correspondences, Fit, FloatArray, Frame, Image, Stabilized, State, Track
+from stab_ros.core.types import (
+    NO_POINTS,
+    Correspondences,
+    Fit,
+    FloatArray,
+    Frame,
+    Gray,
+    Image,
+    LostReason,
+    Stabilized,
+    State,
+    Track,
+)
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.warp import Allocate, warp
 from stab_ros.imaging.window import Window
@@ -28,6 +40,7 @@ from stab_ros.tracking.setup import Setup
 from stab_ros.tracking.start_buffer import GroundState
 from stab_ros.tracking.state import Event, TrackerState, next_state
 from stab_ros.tracking.static_map import StaticMap
+from stab_ros.tracking.succession import ESTABLISHED, Rival, is_challenged, is_missed
 
 
 class Stabilizer:
@@ -59,6 +72,8 @@ class Stabilizer:
         use_threads(config.threads)
         self._state = TrackerState.WAITING
         self._session: Session | None = None  # of the last reference, which is the present one unless WAITING
+        self._rival: Rival | None = None
+        self._given_up = 0
         self._timeline, self._frames = Timeline(), 0
 
     def step(self, frame: Frame) -> Stabilized:
@@ -94,8 +109,7 @@ class Stabilizer:
         stamp, session = self._stamped(frame), self._session_of(frame)
         if session is None:
             return self._begin(stamp, frame)
-        gray = self._setup.preprocessing.gray(frame, session.reference.grey_scale)
-        return self._noted(session.track(stamp, gray))
+        return self._noted(self._or_by_rival(session, stamp, frame, session.track(stamp, self._gray(frame, session))))
 
     def answers(self, frame: Frame) -> list[Track]:
         """`track` with a start-up: the answers that are known with this frame, in the order of the stream.
@@ -115,9 +129,8 @@ class Stabilizer:
         self._setup.preprocessing.check_size(frame)
         session = self._session_of(frame)
         if session is not None and session.ground.buffer is not None:
-            gray = self._setup.preprocessing.gray(frame, session.reference.grey_scale)
-            session.ground.buffer.follow(self._stamped(frame), gray)
-            return self.finish() if session.ground.buffer.over else []
+            self._follow(session, frame)
+            return self._finished() if session.ground.buffer.over else []
         late, before = self.finish(), self._session
         track = self.track(frame)
         if self._session is not None and self._session is not before:
@@ -130,11 +143,10 @@ class Stabilizer:
         Returns:
             The answers to the frames that are still buffered, by what has been seen so far.
         """
-        if self._session is None or not self.buffering:
-            return []
-        tracks = self._session.finish()
-        self._happens(Event.DECIDED)
-        return self._all_noted(tracks)
+        tracks: list[Track] = []
+        while self.buffering:
+            tracks += self._finished()
+        return tracks
 
     def pause(self, ended: bool) -> list[Track]:
         """Answers the buffered frames because no frame comes; the start-up goes on with the next frame.
@@ -148,7 +160,10 @@ class Stabilizer:
         """
         if self._session is None or not self.buffering:
             return []
+        if self._rival is not None and self._rival.succeeds(self._session):
+            return [*self._give_up(self._session, self._rival), *self.pause(ended)]
         tracks = self._session.pause(ended)
+        self._rival = None  # it has no answers to frames that have one
         if not self.buffering:
             self._happens(Event.DECIDED)
         return self._all_noted(tracks)
@@ -176,6 +191,7 @@ class Stabilizer:
 
     def reset_reference(self) -> None:
         """Makes the next textured frame the reference."""
+        self._rival = None
         self._happens(Event.RESET)
 
     def resume(self, reference: Frame, static_map: StaticMap, reset_counter: int) -> None:
@@ -195,7 +211,8 @@ class Stabilizer:
         session = self._setup.session(reference, static_map, self._timeline.now_ns, reset_counter)
         if session is None:
             raise InputError(f"{self._setup.config.method} finds nothing in the reference of {reference.kind}")
-        self._session = session
+        session.found = ESTABLISHED
+        self._session, self._rival = session, None
         self._happens(Event.REFERENCE)
 
     def reconfigure(self, config: StabilizerConfig, area: Area, points_px: FloatArray = NO_POINTS) -> None:
@@ -212,6 +229,7 @@ class Stabilizer:
         setup = self._setup.changed(config, area, points_px)
         if self._present is not None:
             self._present.reconfigure(config, setup.anchors(self._present.reference.frame.size))
+        self._rival = None
         use_threads(config.threads)
         self._setup = setup
 
@@ -253,6 +271,11 @@ class Stabilizer:
         return 0 if self._session is None else self._session.reset_counter
 
     @property
+    def given_up(self) -> int:
+        """How many references matched no frame after them, and gave way to a later frame."""
+        return self._given_up
+
+    @property
     def keyframes(self) -> int:
         """Number of keyframes, the reference among them; 0 where `reference` is not `keyframe`."""
         return 0 if self._session is None else self._session.keyframes
@@ -261,6 +284,11 @@ class Stabilizer:
     def static_map(self) -> StaticMap | None:
         """Where static ground lies in the reference, as far as it is known; None: there is no reference."""
         return None if self._present is None else self._present.ground.static_map
+
+    @property
+    def sensor_fixed_share(self) -> float:
+        """Share of the picture, in [0, 1], that is known to be fixed to the camera: an overlay, dirt, hot pixels."""
+        return 0.0 if self._present is None else self._present.ground.sensor_fixed_share
 
     @property
     def relief(self) -> Relief | None:
@@ -296,20 +324,91 @@ class Stabilizer:
         self._frames += 1
         return FrameStamp(self._frames - 1, frame.stamp_ns, self._timeline.now_ns)
 
+    def _gray(self, frame: Frame, session: Session) -> Gray:
+        return self._setup.preprocessing.gray(frame, session.reference.grey_scale)
+
+    def _follow(self, session: Session, frame: Frame) -> None:
+        """Buffers a frame, also in the rival of the reference; if neither finds it, it becomes the rival."""
+        stamp = self._stamped(frame)
+        shown = session.follow(stamp, self._gray(frame, session))
+        if not is_challenged(session):
+            self._rival = None
+            return
+        if self._rival is not None:
+            self._rival.session.follow(stamp, self._gray(frame, self._rival.session))
+        if is_missed(shown) and (self._rival is None or not self._rival.is_confirmed):
+            self._rival = self._new_rival(stamp, frame)
+
+    def _finished(self) -> list[Track]:
+        """Ends the start-up of the reference, or gives it up; then that of its successor may not be over."""
+        assert self._session is not None
+        if self._rival is not None and self._rival.succeeds(self._session):
+            return self._give_up(self._session, self._rival)
+        tracks = self._session.finish()
+        self._rival = None
+        self._happens(Event.DECIDED)
+        return self._all_noted(tracks)
+
+    def _give_up(self, reference: Session, rival: Rival) -> list[Track]:
+        """Makes the rival the reference; the answers to the buffered frames up to it."""
+        waiting = [] if reference.ground.buffer is None else reference.ground.buffer.unanswered
+        before = [stamp for stamp in waiting if stamp.index < rival.stamp.index]
+        self._succeeded_by(rival)
+        self._happens(Event.BUFFERED)
+        lost = [rival.session.lost(stamp, LostReason.NO_FEATURES) for stamp in before]
+        return [*lost, rival.session.first(rival.stamp)]
+
+    def _or_by_rival(self, session: Session, stamp: FrameStamp, frame: Frame, track: Track) -> Track:
+        """The answer to a frame, by the rival of the reference if that takes over with it."""
+        if session.found:
+            self._rival = None
+            return track
+        if self._rival is None:
+            self._rival = self._new_rival(stamp, frame)
+            return track
+        rival = self._rival
+        by_rival = rival.session.track(stamp, self._gray(frame, rival.session))
+        if rival.succeeds_at_once(session):
+            self._succeeded_by(rival)
+            return by_rival
+        if not rival.is_confirmed:
+            self._rival = self._new_rival(stamp, frame)
+        return track
+
+    def _new_rival(self, stamp: FrameStamp, frame: Frame) -> Rival | None:
+        """The frame as a reference to be, if it can be one."""
+        try:
+            session = self._new_session(stamp, frame)
+        except InputError:  # the user's points do not fit it
+            return None
+        if session is None or (self.buffering and not session.buffer(self._setup.start_ns, stamp.time_ns)):
+            return None
+        return Rival(session, stamp)
+
+    def _succeeded_by(self, rival: Rival) -> None:
+        self._session, self._rival = rival.session, None
+        self._given_up += 1
+        self._happens(Event.REFERENCE)
+
+    def _new_session(self, stamp: FrameStamp, frame: Frame) -> Session | None:
+        counter = 0 if self._session is None else self._session.reset_counter + 1
+        return self._setup.session(frame, self._setup.static_map, stamp.time_ns, counter)
+
     def _begin(self, stamp: FrameStamp, frame: Frame) -> Track:
         """Makes the frame the reference if it has enough features."""
-        counter = 0 if self._session is None else self._session.reset_counter + 1
-        session = self._setup.session(frame, self._setup.static_map, stamp.time_ns, counter)
+        session = self._new_session(stamp, frame)
         if session is None:
             return self._noted(self._lost(stamp))
-        self._session = session
+        self._session, self._rival = session, None
         self._happens(Event.REFERENCE)
         return session.first(stamp)
 
     def _lost(self, stamp: FrameStamp) -> Track:
+        """The answer to a frame that cannot become the reference."""
         if self._present is not None:
-            return self._present.lost(stamp)
-        return Track(State.LOST, stamp.index, stamp.stamp_ns, 0, self.reset_counter)
+            return self._present.lost(stamp, LostReason.NO_TEXTURE)
+        return Track(State.LOST, stamp.index, stamp.stamp_ns, 0, self.reset_counter,
+                     lost_reason=LostReason.NO_TEXTURE)
 
     def _begin_buffering(self, session: Session) -> None:
         """Buffers the frames from here on, if there is anything to find out about the ground."""

@@ -11,19 +11,24 @@ from enum import Enum
 import numpy as np
 
 from stab_ros.core.geometry import apply, inside
-from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography
+from stab_ros.core.types import BoolArray, Correspondences, Fit, FloatArray, Gray, Homography
 from stab_ros.tracking.ambiguity import Ambiguity
 from stab_ros.tracking.feature_tracks import FeatureTracks, Trajectories
 from stab_ros.tracking.frame_stamp import FrameStamp
 from stab_ros.tracking.ground_choice import Choice, Observations, choose_ground
-from stab_ros.tracking.planes import THRESHOLD_PX, Plane, find_planes
-from stab_ros.tracking.reference import Reference
+from stab_ros.tracking.planes import LEAST_FEATURES, THRESHOLD_PX, Plane, find_planes
+from stab_ros.tracking.reference import Reference, is_textured
 from stab_ros.tracking.row_motion import Straightened, regrown, without_rows
+from stab_ros.tracking.sensor_fixed import SensorFixed
 from stab_ros.tracking.static_map import StaticMap
+from stab_ros.tracking.support import Support, support_of
 
 _LEAST_FEATURES = 48  # with fewer there is nothing to choose between
 # if less of it was seen, as where the first frames were dropped, it takes up to so many times as long
 _SEEN_SHARE, _PATIENCE = 0.5, 3
+_MOVED_PX = 1.5  # between a plane that is fixed to the camera and one that is not
+# features that show no plane, but are where most are: px; in this share of the frames that show them; of all frames
+_AGREEING_PX, _AGREES, _SHOWN = 0.6, 0.7, 0.2
 _MOST_FRAMES = 120  # where time does not advance
 
 
@@ -39,36 +44,46 @@ class GroundState(Enum):
 class BufferedFrame:
     """A frame of the start-up: its matches with the reference, and roughly its homography.
 
-    trust: (N,) weight of each pair, 1 for ground, 0 for the rest. guess: ref_H_cur for the fit to start from.
+    trust: (N,) weight of each pair, 1 for ground, 0 for the rest. frozen: (N,) bool, what the codec has copied.
+    guess: ref_H_cur for the fit to start from. textured: whether it shows anything that could be matched.
     """
 
     stamp: FrameStamp
     pairs: Correspondences
     trust: FloatArray
+    frozen: BoolArray
     guess: Homography
+    textured: bool
 
 
 @dataclass(frozen=True, eq=False)
 class StartResult:
     """What the start-up has found.
 
-    frames: those that have no answer yet. ground_px: (n, 2) features of the ground in the reference. size: width,
-    height of the reference, px. ambiguity: if another plane can be the ground as well. turned: whether an earlier
-    result took another plane for it. provisional: too little was seen to be certain. rows_swing: by a rolling shutter.
+    frames: those that have no answer yet. reference_px: (N, 2) all features. ground: (N,) bool, those on it.
+    fixed_px: (n, 2) features that are fixed to the camera. size: width, height of the reference, px. ambiguity: if
+    another plane can be the ground as well. turned: whether an earlier result took another plane for it. scatter: of
+    that `Plane`. provisional: too little was seen to be certain. rows_swing: by a rolling shutter.
     """
 
     frames: list[BufferedFrame]
-    ground_px: FloatArray
+    reference_px: FloatArray
+    ground: BoolArray
+    fixed_px: FloatArray
     static_map: StaticMap
     ambiguity: Ambiguity | None
     size: tuple[int, int]
     turned: bool
+    scatter: float
     provisional: bool
     rows_swing: bool
 
-    def expected(self, ref_H_cur: Homography) -> float:
-        """Number of ground features that a frame there should show."""
-        return float(inside(apply(np.linalg.inv(ref_H_cur), self.ground_px), self.size).sum())
+    def support(self, pairs: Correspondences, fit: Fit) -> Support:
+        """How much of the ground in view agrees with a fit to matches of the features."""
+        agrees = np.zeros(len(self.ground), bool)
+        agrees[pairs.feature_id[fit.inlier]] = True
+        shown = self.ground & inside(apply(np.linalg.inv(fit.ref_H_cur), self.reference_px), self.size)
+        return support_of(self.reference_px[shown], np.ones(int(shown.sum())), agrees[shown], self.size)
 
 
 class StartBuffer:
@@ -84,8 +99,11 @@ class StartBuffer:
         self._size, self._start_ns, self._duration_ns = reference.frame.size, start_ns, duration_ns
         self._tracks = FeatureTracks(reference.gray, allowed)
         self._stamps: list[FrameStamp] = []
+        self._textured: list[bool] = []
         self._answered = 0  # of the frames so far
         self._ground: BoolArray | None = None  # (N,) the features last taken for ground
+        self._sensor = SensorFixed(self._tracks.patches)
+        self._fixed: BoolArray = np.zeros(len(self._tracks.reference_px), bool)
 
     @property
     def useful(self) -> bool:
@@ -115,15 +133,26 @@ class StartBuffer:
     @property
     def waiting(self) -> int:
         """Number of frames that have no answer yet."""
-        return len(self._stamps) - self._answered
+        return len(self.unanswered)
 
-    def follow(self, stamp: FrameStamp, gray: Gray) -> None:
-        """Takes the next frame, (h, w) uint8."""
-        self._tracks.follow(gray)
+    @property
+    def unanswered(self) -> list[FrameStamp]:
+        """The frames that have no answer yet."""
+        return self._stamps[self._answered :]
+
+    def follow(self, stamp: FrameStamp, gray: Gray) -> float:
+        """Takes the next frame, (h, w) uint8; the share of the features that it shows, 0 if it is not followed."""
+        shown = self._tracks.follow(gray)
+        self._textured.append(shown > 0 or is_textured(gray))
+        self._sensor.add(gray)
         self._stamps.append(stamp)
+        return shown
 
     def result(self, provisional: bool = False) -> StartResult:
-        """What is ground, and by that the frames without an answer; all is ground if the features show no plane.
+        """What is ground, and by that the frames without an answer.
+
+        If no features show a plane, those are ground that are seen now and then where most are (snow hides them in
+        turn); if these are too few, all are.
 
         provisional: the start-up is not over; then any other plane counts as a competing hypothesis.
         """
@@ -135,17 +164,35 @@ class StartBuffer:
         member, before = choice.ground.member, self._ground
         turned = before is not None and 2 * np.sum(member & before) < min(np.sum(member), np.sum(before))
         self._ground = member
-        return StartResult(self._frames(choice.ground, trajectories), trajectories.reference_px[member],
-                           self._map(choice.ground), self._ambiguity(choice), self._size, bool(turned),
-                           provisional or not self.enough, straight is not None)
+        reference_px = trajectories.reference_px
+        return StartResult(self._frames(choice.ground, trajectories), reference_px, member,
+                           reference_px[self._fixed], self._map(choice.ground), self._ambiguity(choice), self._size,
+                           bool(turned), choice.ground.scatter, provisional or not self.enough, straight is not None)
 
     def _choice(self, straight: Straightened, provisional: bool) -> Choice:
         trajectories = straight.trajectories
-        planes = find_planes(trajectories, straight.threshold_px)
-        if not planes:
-            return Choice(Plane(np.ones(len(trajectories.reference_px), bool), trajectories.shapes))
         elapsed_s = (np.array([stamp.time_ns for stamp in self._stamps]) - self._start_ns) / 1e9
-        return choose_ground(planes, Observations(trajectories.reference_px, self._size, elapsed_s), provisional)
+        seen = Observations(trajectories.reference_px, self._size, elapsed_s)
+        before_camera = self._before_camera(straight, seen, provisional)
+        if before_camera is not None:
+            return before_camera
+        self._fixed[:] = False
+        planes = find_planes(trajectories, threshold_px=straight.threshold_px)
+        if not planes:
+            return Choice(Plane(_with_shapes(trajectories), trajectories.shapes))
+        return choose_ground(planes, seen, provisional)
+
+    def _before_camera(self, straight: Straightened, seen: Observations, provisional: bool) -> Choice | None:
+        """The choice if part of the picture is fixed to the camera; None where nothing is, or the camera is at rest."""
+        fixed = self._fixed = self._sensor.features()
+        trajectories = straight.trajectories
+        others = find_planes(trajectories, ~fixed, straight.threshold_px) if fixed.any() else []
+        if not any(_moves(plane, seen) for plane in others):
+            return None
+        at_rest = Plane(fixed, np.tile(np.eye(3), (len(trajectories.shapes), 1, 1)), at_rest=True)
+        planes = [*others, at_rest] if np.sum(fixed) >= LEAST_FEATURES else others
+        choice = choose_ground(planes, seen, provisional)
+        return None if choice.ground is at_rest else choice
 
     def _ambiguity(self, choice: Choice) -> Ambiguity | None:
         other = choice.other
@@ -159,8 +206,27 @@ class StartBuffer:
         for k in range(first, self._answered):
             pairs = trajectories.pairs(k)
             frames.append(BufferedFrame(self._stamps[k], pairs, ground.member[pairs.feature_id].astype(float),
-                                        guesses[k]))
+                                        trajectories.frozen[k, pairs.feature_id], guesses[k],
+                                        self._textured[k]))
         return frames
 
     def _map(self, plane: Plane) -> StaticMap:
         return StaticMap.of_features(self._tracks.reference_px, plane.member.astype(float), self._size)
+
+
+def _moves(plane: Plane, seen: Observations) -> bool:
+    """Whether the plane's features have moved in the image, so far that their templates cannot match in place."""
+    features_px = seen.reference_px[plane.member]
+    known = np.flatnonzero(~np.isnan(plane.ref_H_cur[:, 0, 0]))
+    moved_px = [apply(np.linalg.inv(plane.ref_H_cur[f]), features_px) - features_px for f in known]
+    return max(float(np.median(np.hypot(*moved.T))) for moved in moved_px) > _MOVED_PX
+
+
+def _with_shapes(trajectories: Trajectories) -> BoolArray:
+    """(N,) bool: the features that agree with the rough homographies whenever they are seen; all, if they are few."""
+    off_px = np.stack([np.hypot(*(apply(H, at_px) - trajectories.reference_px).T) for H, at_px
+                       in zip(trajectories.shapes, trajectories.current_px, strict=True)])
+    seen = trajectories.seen.sum(axis=0)
+    agreed = np.sum(trajectories.seen & (off_px < _AGREEING_PX), axis=0)
+    member = (agreed >= _SHOWN * len(trajectories.seen)) & (agreed >= _AGREES * seen)
+    return member if np.sum(member) >= LEAST_FEATURES else np.ones(len(member), bool)

@@ -74,6 +74,18 @@ class StaticMap:
         cells = cv2.resize(picture, (-(-width // _STEP_PX), -(-height // _STEP_PX)), interpolation=cv2.INTER_NEAREST)
         return StaticMap(np.asarray(cells), (width, height))
 
+    def without(self, area: BoolArray) -> StaticMap:
+        """Takes a part of the reference out of the ground.
+
+        Args:
+            area: (h, w) bool, what is not ground.
+
+        Returns:
+            The map.
+        """
+        cells = StaticMap.of_mask(area).cells
+        return StaticMap(np.where(cells >= _GROUND, np.uint8(0), self.cells), self.size)
+
     def picture(self) -> Gray:
         """The map as an image of the size of the reference.
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from demo_process import processes_with, run, start, table, wait_for
 
-from stab_ros.core.types import State, Track
+from stab_ros.core.types import LostReason, State, Track
 from stab_ros.demo.__main__ import SAMPLE, SCALE, TRUTH
 from stab_ros.demo.checks import checks, frames_text
 from stab_ros.demo.command import apart
@@ -107,7 +107,8 @@ def lost(*frames: int) -> Alter:
     def alter(message: Message) -> Message:
         if message.topic != HOMOGRAPHY or (stamp_ns := read_stamp(message.data)) not in {STAMPS_NS[i] for i in frames}:
             return message
-        return message._replace(data=homography_cdr(Track(State.LOST, 0, stamp_ns, 0, 0), Header(stamp_ns), SIZE))
+        track = Track(State.LOST, 0, stamp_ns, 0, 0, lost_reason=LostReason.NO_TEXTURE)
+        return message._replace(data=homography_cdr(track, Header(stamp_ns), SIZE))
 
     return alter
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from functools import cache, lru_cache
 
+import cv2
 import numpy as np
 
 from stab_ros.core.geometry import rms_distance
-from stab_ros.core.types import FloatArray, Frame, Gray, Homography, Track
+from stab_ros.core.types import FloatArray, Frame, Gray, Homography, LostReason, State, Track
 
 SIZE = (400, 300)
 MARGIN_PX = 80
@@ -61,6 +62,23 @@ def sampled(ref_H_cur: Homography, x: FloatArray, y: FloatArray, size: tuple[int
 def frame(image: Gray, index: int = 0, encoding: str = "mono8") -> Frame:
     """The `index`-th frame of a stream at 25 frames a second."""
     return Frame(image, encoding, _SECOND_NS + index * _INTERVAL_NS, "camera")
+
+
+def unmoved(one: Frame, index: int, lost: bool = False) -> Track:
+    """The answer to a frame that lies where the reference does, or is lost."""
+    if lost:
+        return Track(State.LOST, index, one.stamp_ns, 0, 0, lost_reason=LostReason.NO_FEATURES)
+    return Track(State.TRACKED, index, one.stamp_ns, 0, 0, ref_H_cur=IDENTITY)
+
+
+def letterboxed(count: int) -> list[Gray]:
+    """Pictures of a camera that sways by 25 px, between two bars with text: a fifth of the picture."""
+    pictures = [picture(translation(25 * np.sin(k / 6), 12 * np.sin(k / 4))) for k in range(count)]
+    for one in pictures:
+        one[:40] = one[-40:] = 20
+        for y, text in ((28, "ALT 32.5 M SPD 4.1"), (288, "REC 00:12 N 46.2 E")):
+            cv2.putText(one, text, (8, y), cv2.FONT_HERSHEY_SIMPLEX, 0.8, 255, 2)
+    return pictures
 
 
 def random_noise(index: int = 0, size: tuple[int, int] = SIZE) -> Gray:

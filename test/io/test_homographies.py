@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from stab_ros.core.errors import InputError
-from stab_ros.core.types import FloatArray, State, Track
+from stab_ros.core.types import FloatArray, LostReason, State, Track
 from stab_ros.io.homographies import COLUMNS, TRACK_COLUMNS, HomographyWriter, read_homographies
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
@@ -20,7 +20,7 @@ HEADER = ",".join(COLUMNS)
 
 def track(H: FloatArray | None) -> Track:
     if H is None:
-        return Track(State.LOST, 0, 5, 5, 0, matches=3)
+        return Track(State.LOST, 0, 5, 5, 0, matches=3, lost_reason=LostReason.NO_FEATURES)
     return Track(State.TRACKED, 0, 5, 5, 0, 30, 20, H, np.eye(8), 0.125, 0.25)
 
 
@@ -44,8 +44,8 @@ def test_the_table_is_that_of_the_contract(tmp_path: Path) -> None:
         flushed = (tmp_path / "H.csv").read_text()
     assert flushed.splitlines() == [
         f"{HEADER},{','.join(TRACK_COLUMNS)}",
-        "7,5,TRACKED,1.5,0.0,0.0,0.0,1.0,0.0,0.0,0.0,1.0,30,20,0.125,0.25,0",
-        "8,5,LOST,,,,,,,,,,3,0,,,0",
+        "7,5,TRACKED,1.5,0.0,0.0,0.0,1.0,0.0,0.0,0.0,1.0,30,20,0.125,0.25,0,",
+        "8,5,LOST,,,,,,,,,,3,0,,,0,no features found",
     ]
 
 

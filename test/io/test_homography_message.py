@@ -12,7 +12,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import CameraInfo
 
 from stab_ros.core.errors import MessageError
-from stab_ros.core.types import FloatArray, State, Track
+from stab_ros.core.types import FloatArray, LostReason, State, Track
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.homography_message import homography_cdr, read_homography
 
@@ -24,7 +24,7 @@ TILTED = np.array([[1.01, 0.02, -7.3], [-0.015, 0.99, 4.6], [1e-5, -2e-5, 1.0]])
 
 def track(H: FloatArray | None) -> Track:
     if H is None:
-        return Track(State.LOST, 3, HEADER.stamp_ns, 5, 1, 40)
+        return Track(State.LOST, 3, HEADER.stamp_ns, 5, 1, 40, lost_reason=LostReason.FEW_INLIERS)
     return Track(State.TRACKED, 3, HEADER.stamp_ns, 5, 1, 40, 38, H, np.arange(64.0).reshape(8, 8) / 7, 0.1, 0.02)
 
 

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from conftest import Command
 from recordings import IMAGE_TOPIC, Entry, compressed, entries, image, write_mcap
-from truth import IDENTITY, frame, picture, translation
+from truth import IDENTITY, frame, picture, translation, unmoved
 
 from stab_ros.core.geometry import rms_distance
-from stab_ros.core.types import Frame, Gray, Homography, State, Track
+from stab_ros.core.types import Frame, Gray, Homography
 from stab_ros.evaluation.evaluator import Arrival, Evaluator
 from stab_ros.evaluation.frame_metrics import UNITS
 from stab_ros.evaluation.settings import EvaluatorConfig
@@ -147,8 +147,7 @@ def written(path: Path, images: list[Gray], topic: str, lost: tuple[int, ...] | 
         for index, gray in enumerate(images):
             one = frame(gray, index)
             if lost is not None:
-                state = State.LOST if index in lost else State.TRACKED
-                track = Track(state, index, one.stamp_ns, 0, 0, ref_H_cur=None if index in lost else IDENTITY)
+                track = unmoved(one, index, lost=index in lost)
                 cdr = homography_cdr(track, header_of(one), one.size)
                 writer.write("/cam/homography", one.stamp_ns, one.stamp_ns, cdr)
             if index not in (lost or ()):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stab_ros.core.types import State, Track
+from stab_ros.core.types import LostReason, State, Track
 from stab_ros.io.advice import ambiguous_ground, parallax, rolling_shutter
 from stab_ros.nodes.tracker_status import TrackerStatus
 from stab_ros.tracking.ground_choice import CompetingHypothesis
@@ -17,7 +17,7 @@ SECOND_NS = 10**9
 
 def a_track(state: State, number: int = 0) -> Track:
     if state is State.LOST:
-        return Track(state, number, number, 0, 0, matches=40)
+        return Track(state, number, number, 0, 0, matches=40, lost_reason=LostReason.FEW_INLIERS)
     return Track(state, number, number, 0, 0, 50, 45, np.eye(3), np.eye(8), 0.25, 0.125)
 
 
@@ -33,6 +33,7 @@ def test_status_counts_what_happens() -> None:
     assert (report.level, report.message) == (0, "tracked")
     assert report.values == {
         "state": "TRACKED", "method": "direct", "frames_in": "1", "frames_tracked": "1", "frames_lost": "0",
+        "lost_reason": "",
         "frames_dropped": "3", "frames_refused": "0", "frames_before": "0", "matches": "50", "inliers": "45",
         "rmse_px": "0.25", "sigma_px": "0.125", "latency_ms": "12.346", "reset_counter": "0", "ground": "undecided",
         "rival_share": "", "parallax_px": "", "parallax_deg": "", "rows_px": "",
@@ -47,8 +48,9 @@ def test_status_of_lost_refused_and_missing_frames() -> None:
     status.warn("refused", "refused an image: step 0")
     status.warn("refused", "refused an image: step is too short")
     report = status.report(SECOND_NS)
-    assert (report.level, report.message) == (1, "lost; refused an image: step is too short")
+    assert (report.level, report.message) == (1, "lost: too few inliers; refused an image: step is too short")
     assert (report.values["rmse_px"], report.values["frames_in"], report.values["frames_lost"]) == ("", "2", "1")
+    assert report.values["lost_reason"] == "too few inliers"
     stale = status.report(5 * SECOND_NS)
     assert (stale.level, stale.message, stale.values["state"]) == (2, "no image for 5.0 s", "STALE")
 

@@ -13,10 +13,10 @@ import pytest
 from conftest import Command
 from recordings import entries, write_mcap
 from report_page import Page, decoded, looked_up
-from truth import IDENTITY, flat, frame, picture, translation
+from truth import IDENTITY, flat, frame, picture, translation, unmoved
 
 from stab_ros import __version__
-from stab_ros.core.types import Gray, State, Track
+from stab_ros.core.types import Gray
 from stab_ros.io.bag import BagWriter, topic_of
 from stab_ros.io.cdr import CAMERA_INFO, IMAGE, header_of
 from stab_ros.io.homography_message import homography_cdr
@@ -197,8 +197,7 @@ def test_lost_frames(lost: tuple[int, ...], command: Command, tmp_path: Path) ->
         writer.add_topic(topic_of("/cam/homography", CAMERA_INFO))
         for index in range(5):
             one = frame(picture(translation(0.02 * index, 0), SIZE), index)
-            state = State.LOST if index in lost else State.TRACKED
-            track = Track(state, index, one.stamp_ns, 0, 0, ref_H_cur=None if index in lost else IDENTITY)
+            track = unmoved(one, index, lost=index in lost)
             writer.write("/cam/homography", one.stamp_ns, one.stamp_ns, homography_cdr(track, header_of(one), one.size))
             if index not in lost:
                 cdr = image_cdr(one.image, "mono8", header_of(one))

@@ -195,7 +195,7 @@ def test_what_moves_against_the_ground_loses_its_say() -> None:
 
 def test_prediction_is_constant_velocity_in_stamps() -> None:
     step = similarity(0.5, 1.0, 2.0, -1.0)
-    motion = CameraMotion(IDENTITY, 0).then(step, 40)
+    motion = CameraMotion(SIZE, IDENTITY, 0).then(step, 40)
     np.testing.assert_allclose(apply(motion.predict(80), CORNERS), apply(step @ step, CORNERS), atol=0.05)
     half = apply(motion.predict(60), CORNERS) - apply(step, CORNERS)
     np.testing.assert_allclose(2 * half, apply(motion.predict(80), CORNERS) - apply(step, CORNERS), atol=0.02)
@@ -204,15 +204,15 @@ def test_prediction_is_constant_velocity_in_stamps() -> None:
 
 @pytest.mark.parametrize("stamp_ns", [40, 39, 0, -(10**9), 40 + 121, 10**18])
 def test_stamps_that_tell_no_velocity_predict_the_last_place(stamp_ns: int) -> None:
-    motion = CameraMotion(IDENTITY, 0).then(MOVED, 40)
+    motion = CameraMotion(SIZE, IDENTITY, 0).then(MOVED, 40)
     np.testing.assert_array_equal(motion.predict(stamp_ns), MOVED)
 
 
 def test_prediction_after_duplicate_or_backward_stamps_or_a_loss() -> None:
     for before_ns in (40, 50):
-        np.testing.assert_array_equal(CameraMotion(IDENTITY, before_ns).then(MOVED, 40).predict(60), MOVED)
-    np.testing.assert_array_equal(CameraMotion(IDENTITY, 0).then(MOVED, 40).standing().predict(80), MOVED)
-    np.testing.assert_array_equal(CameraMotion(MOVED, 0).predict(40), MOVED)
+        np.testing.assert_array_equal(CameraMotion(SIZE, IDENTITY, before_ns).then(MOVED, 40).predict(60), MOVED)
+    np.testing.assert_array_equal(CameraMotion(SIZE, IDENTITY, 0).then(MOVED, 40).standing().predict(80), MOVED)
+    np.testing.assert_array_equal(CameraMotion(SIZE, MOVED, 0).predict(40), MOVED)
 
 
 CORNERS = np.array([[0, 0], [399, 0], [0, 299], [399, 299.0]])

@@ -1,0 +1,94 @@
+"""Blocks that a video codec has copied from an earlier frame: they show where the ground was, not where it is.
+
+Where little changes, H.264 skips a block and a GIF leaves it out. Its pixels then equal those of the reference, or of
+the frame before, more often than noise allows. Such a block agrees perfectly with a camera that stands still.
+
+Such blocks are no better than new ones, so they count no more than those. Where the new ones by themselves say
+something else, the picture shows two positions at once, and the uncertainty spans both (`registration`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from stab_ros.core.kernels import BOOL, I64, U8, filled, kernel, read
+from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, IdArray
+from stab_ros.estimation.problem import strongest
+
+_RADIUS_PX = 8
+_SIDE_PX = 2 * _RADIUS_PX + 1
+_EQUAL = 0.5  # of the pixels of a block. Noise of one grey level leaves 0.3, of half a level 0.5
+
+
+class FrozenBlocks:
+    """Compares the surroundings of N features with the reference and with the frame before."""
+
+    def __init__(self, reference: Gray, features_px: FloatArray) -> None:
+        """reference: (h, w) uint8. features_px: (N, 2)."""
+        self._shape = reference.shape
+        self._corners = self._corners_of(features_px)
+        self._reference = _windows(reference, self._corners)
+        self._last_corners, self._last = self._corners, self._reference
+
+    def find(self, gray: Gray) -> BoolArray:
+        """(N,) bool: the features whose surroundings in a frame, (h, w) uint8, are copied."""
+        found = np.zeros(len(self._corners), bool)
+        _mark_equal(gray, self._corners, self._reference, found)
+        if self._last is not self._reference:
+            _mark_equal(gray, self._last_corners, self._last, found)
+        return found
+
+    def remember(self, gray: Gray, at_px: FloatArray) -> None:
+        """The frame, (h, w) uint8, is the one before the next, with the features at (N, 2) px."""
+        self._last_corners = self._corners_of(at_px)
+        self._last = _windows(gray, self._last_corners)
+
+    def _corners_of(self, at_px: FloatArray) -> IdArray:
+        most = np.array(self._shape[::-1]) - _SIDE_PX
+        return np.clip(np.round(at_px - _RADIUS_PX), 0, most).astype(np.int64)
+
+
+def no_better(pairs: Correspondences, frozen: BoolArray) -> Correspondences:
+    """N pairs, of which the frozen ones, (N,) bool, claim no more information than most of the others do."""
+    strength = strongest(pairs.information)
+    if frozen.all() or not frozen.any():
+        return pairs
+    most = float(np.median(strength[~frozen]))
+    scale = np.where(frozen, np.minimum(1.0, most / np.maximum(strength, 1e-9)), 1.0)
+    return replace(pairs, information=pairs.information * scale[:, None, None])
+
+
+def _windows(gray: Gray, corners: IdArray) -> Gray:
+    """(N, s, s) uint8 with the upper left corners (N, 2)."""
+    windows = np.empty((len(corners), _SIDE_PX, _SIDE_PX), np.uint8)
+    _copy(gray, corners, windows)
+    return windows
+
+
+@kernel((read(U8, 2), read(I64, 2), filled(U8, 3)))
+def _copy(gray: Gray, corners: IdArray, windows: Gray) -> None:
+    """Fills the windows (N, s, s) from their corners (N, 2)."""
+    side = windows.shape[1]
+    for i in range(len(corners)):
+        x, y = corners[i]
+        windows[i] = gray[y : y + side, x : x + side]
+
+
+@kernel((read(U8, 2), read(I64, 2), read(U8, 3), filled(BOOL, 1)))
+def _mark_equal(gray: Gray, corners: IdArray, windows: Gray, found: BoolArray) -> None:
+    """Marks those of N windows (N, s, s) that the frame repeats at their corners (N, 2), by every other row."""
+    side = windows.shape[1]
+    most = int((1 - _EQUAL) * ((side + 1) // 2) * side)
+    for i in range(len(corners)):
+        x, y = corners[i]
+        different = 0
+        for row in range(0, side, 2):
+            for column in range(side):
+                if gray[y + row, x + column] != windows[i, row, column]:
+                    different += 1
+            if different > most:
+                break
+        if different <= most:
+            found[i] = True
