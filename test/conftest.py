@@ -35,7 +35,8 @@ _LIVE = {"demo", "examples", "faults"}  # folders of tests that start nodes
 _SLOW = {  # files with long flights, all methods at once, or whole reports
     "test_cli", "test_compare", "test_descriptors", "test_ecc", "test_estimators", "test_evaluate", "test_homologous",
     "test_kernels", "test_keyframes", "test_lies", "test_parallax", "test_pause", "test_real_video", "test_recovery",
-    "test_references", "test_report", "test_sar_sift", "test_search", "test_static_ground", "test_succession",
+    "test_references", "test_report", "test_rolling_shutter", "test_sar_sift", "test_search", "test_static_ground",
+    "test_succession",
     "test_synthetic", "test_uncertainty",
 }
 _QUICK_METHODS = {"direct"}  # which stands for all methods while one works

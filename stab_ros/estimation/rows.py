@@ -7,9 +7,10 @@ during the readout by splines; here of the image itself, since rows that swing b
 What of s a homography can express belongs to the homography: a weak prior keeps the coefficients small, so that the
 part that both explain goes to the plane. Where no feature lies the prior makes s nought.
 
-The model is only taken if it holds on features that it was not fitted to. The picture is divided into upright strips,
-and the curve of every other strip must explain the residuals of those between, and the reverse: rows are shifted along
-their whole length, while relief, water and a lens differ from strip to strip.
+The model is only taken if it holds on features that it was not fitted to: the curve that the left half of the features
+shows must explain some of the residuals of the right half, and the reverse; or that of every other strip much of those
+between, if the camera has turned. Rows are shifted along their whole length, while relief, water and a lens differ from
+left to right.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ _DESIGN_EFFECT = 4.0  # the errors of neighbouring features are alike, so they s
 _LIMITS_PX = (6.0, 4.0, 2.0, 1.0)  # inlier thresholds of the first passes, then that of the fit
 _FLOOR_SHARE = 0.2  # isotropic error added to each feature, as a share of the threshold; see `search`
 _STRIPS = 8
-_GAIN = 0.25  # of the squared residuals of held-out features, explained both ways
+_ACROSS, _BETWEEN = 0.1, 0.25  # of the squared residuals of held-out features; see `RowFit`
 _STRIP_SHARE = 0.75  # of the strips in which held-out features must be nearer with the rows
 _LEAST_RMS_PX, _MOST_PX = 0.02, 6.0
 _LEAST_FEATURES = 48
@@ -58,20 +59,23 @@ class RowFit:
 
     Attributes:
         fit: its `rows` are the displacements, its homography is the best plane over all rows.
-        gain: share of the squared residuals of held-out features that the rows explain, the smaller of both ways.
-        strips: share of the strips in which they explain some.
+        across: share of the squared residuals in one half of the picture that the curve of the other half explains, the
+            smaller of both ways.
+        between: the same of every other strip by those between.
+        strips: share of the strips which those between explain to some part.
     """
 
     fit: Fit
-    gain: float
+    across: float
+    between: float
     strips: float
 
     @property
     def holds(self) -> bool:
         """Whether held-out features confirm the rows."""
         rows = self.fit.rows
-        return (rows is not None and self.gain >= _GAIN and self.strips >= _STRIP_SHARE
-                and rows.rms_px >= _LEAST_RMS_PX and rows.most_px <= _MOST_PX)
+        return (rows is not None and (self.across >= _ACROSS or self.between >= _BETWEEN)
+                and self.strips >= _STRIP_SHARE and rows.rms_px >= _LEAST_RMS_PX and rows.most_px <= _MOST_PX)
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,12 +233,25 @@ class _Equations:
         curves = _shapes().log_determinant[list(prior.shapes)].sum() - 2 * _COUNT * np.log(prior.rms_px).sum()
         return float(out @ self.right.sum(axis=0) - log_determinant + curves) if found else -np.inf
 
-    def flat(self, strips: BoolArray) -> FloatArray | None:
+    def flat(self) -> FloatArray | None:
         """The unknowns if the rows do not move."""
         out, which = np.zeros(self.normal.shape[1]), slice(self.plane)
-        normal, right = self.normal[strips, which, which].sum(axis=0), self.right[strips, which].sum(axis=0)
-        found, out[which] = gn.solve(normal, right)
+        found, out[which] = gn.solve(self.normal[:, which, which].sum(axis=0), self.right[:, which].sum(axis=0))
         return out if found else None
+
+    def curve_of(self, strips: BoolArray, unknowns: FloatArray, prior: _Prior) -> FloatArray:
+        """The unknowns with the curves that some of the strips show, (S,) bool, at the same homography."""
+        normal, plane = self.normal[strips].sum(axis=0), unknowns[: self.plane]
+        right = self.right[strips].sum(axis=0)[self.plane :] - normal[self.plane :, : self.plane] @ plane
+        curves = _solve(normal[self.plane :, self.plane :], right, prior.precisions, 0)[1]
+        return np.concatenate([plane, curves])
+
+    @property
+    def left(self) -> BoolArray:
+        """(S,) bool: the strips from the left that have about half of the information."""
+        carried = np.cumsum(np.trace(self.normal[:, :2, :2], axis1=1, axis2=2))
+        split = 1 + int(np.argmin(np.abs(carried[:-1] - carried[-1] / 2)))
+        return np.arange(_STRIPS) < split
 
     def losses(self, unknowns: FloatArray) -> FloatArray:
         """(S,) squared residuals of each strip."""
@@ -299,17 +316,17 @@ class _Joint:
         shown = rows.at(self.pairs.current_px[self.trust > TRUSTED, 1])
         return np.asarray(np.clip(np.sqrt((shown**2).mean(axis=0)), *_RMS_RANGE_PX))
 
-    def _judged(self, equations: _Equations, prior: _Prior) -> tuple[float, float]:
-        """Gain and share of the strips, see `RowFit`."""
-        with_rows, without = np.zeros(_STRIPS), np.zeros(_STRIPS)
-        for half in (_ODD, ~_ODD):
-            rows, flat = equations.solved(half, prior), equations.flat(half)
-            if rows is None or flat is None:
-                return -1.0, 0.0
-            with_rows[~half], without[~half] = equations.losses(rows)[~half], equations.losses(flat)[~half]
-        gain = min(1 - with_rows[half].sum() / max(without[half].sum(), 1e-12) for half in (_ODD, ~_ODD))
-        used = equations.squares > 0
-        return float(gain), float(np.mean((with_rows < without)[used])) if used.any() else 0.0
+    def _judged(self, equations: _Equations, prior: _Prior) -> tuple[float, float, float]:
+        """Both gains and the share of the strips, see `RowFit`."""
+        every, flat, used = equations.solved(_EVERY, prior), equations.flat(), equations.squares > 0
+        if every is None or flat is None:
+            return -1.0, -1.0, 0.0
+        gains, with_rows, without = [], np.zeros(_STRIPS), equations.losses(flat)
+        for one in (equations.left, _ODD):
+            for half in (one, ~one):
+                with_rows[~half] = equations.losses(equations.curve_of(half, every, prior))[~half]
+            gains.append(min(1 - with_rows[half].sum() / max(without[half].sum(), 1e-12) for half in (one, ~one)))
+        return float(gains[0]), float(gains[1]), float(np.mean((with_rows < without)[used])) if used.any() else 0.0
 
     def _fit(self, H: Homography, rows: RowShifts) -> Fit | None:
         problem = EstimationProblem.of(straightened(self.pairs, rows), self.trust, self.model, self.threshold_px)

@@ -62,6 +62,16 @@ class RollingShutter:
         if self._swings():
             self.found()
 
+    def covariance(self, covariance: FloatArray, ref_H_cur: Homography, rows: RowShifts | None) -> FloatArray:
+        """Covariance (8, 8) of the last frame's homography, inflated by what it leaves of the rows.
+
+        Where rows swing but those of this frame were not confirmed, as they look alike in the reference, that is what
+        both halves of its features share.
+        """
+        if rows is not None or self.swing is None or not self.known:
+            return with_rows(covariance, ref_H_cur, rows)
+        return _inflated(covariance, ref_H_cur, np.eye(2) * max(self._last[-1].shared, 0.0))
+
     def _swings(self) -> bool:
         """Whether the last frames show waves, even without the largest: homographies that are off show some too."""
         if sum(residuals.show for residuals in self._last) < _LEAST_FRAMES or not self._last[-1].show:
@@ -78,9 +88,10 @@ def _wave(one: FloatArray, other: FloatArray) -> bool:
 
 def with_rows(covariance: FloatArray, ref_H_cur: Homography, rows: RowShifts | None) -> FloatArray:
     """Covariance (8, 8) of a homography, inflated by what it leaves of the rows: one sigma is their RMS."""
-    if rows is None:
-        return covariance
-    x, y = np.kron(np.eye(2), ref_H_cur[2]) @ np.eye(6, 8)
-    shared = rows.values.T @ rows.values / len(rows.values)
-    along = np.stack([x, y], axis=1)
-    return np.asarray(covariance + along @ shared @ along.T)
+    return covariance if rows is None else _inflated(covariance, ref_H_cur, rows.values.T @ rows.values / rows.height)
+
+
+def _inflated(covariance: FloatArray, ref_H_cur: Homography, variance_px2: FloatArray) -> FloatArray:
+    """Covariance (8, 8) of a homography with a shift of covariance variance_px2 (2, 2)."""
+    along = (np.kron(np.eye(2), ref_H_cur[2]) @ np.eye(6, 8)).T
+    return np.asarray(covariance + along @ variance_px2 @ along.T)
