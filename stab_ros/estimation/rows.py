@@ -32,7 +32,7 @@ _INTERVALS = 36  # of the spline: three for each of the fastest waves
 _COUNT = _INTERVALS + 3  # of its coefficients
 _LENGTHS = (0.03, 0.05, 0.08, 0.13, 0.2)  # of smooth curves, in heights of the frame
 _CYCLES = tuple(0.5 * k for k in range(1, 21))  # of waves, down the frame
-_COHERENCE = (0.4, 1.2)  # length over which a wave keeps its phase, in heights of the frame
+_COHERENCE = (1.2, 0.4)  # length over which a wave keeps its phase, in heights of the frame
 _NUGGET = 1e-3  # of the variance: what no shape holds
 _START_SHAPES, _START_PX = (1, 1), 0.5
 _RMS_RANGE_PX = (0.03, 2.0)
@@ -169,6 +169,10 @@ class _Prior:
     shapes: tuple[int, int]
     rms_px: FloatArray
 
+    def with_shape(self, axis: int, shape: int) -> _Prior:
+        """Another shape along x (axis 0) or y (1)."""
+        return replace(self, shapes=(shape, self.shapes[1]) if axis == 0 else (self.shapes[0], shape))
+
     @property
     def precisions(self) -> FloatArray:
         """(2, K, K) inverse covariances of the coefficients, 1/px^2."""
@@ -282,9 +286,13 @@ class _Joint:
 
     def _likeliest(self, equations: _Equations, prior: _Prior) -> _Prior:
         """The prior with the most likely shape along x, then along y."""
-        number, total = range(len(_shapes().precision)), equations.total
-        best = max((replace(prior, shapes=(k, prior.shapes[1])) for k in number), key=total.evidence)
-        return max((replace(best, shapes=(best.shapes[0], k)) for k in number), key=total.evidence)
+        total, smooth, waves = equations.total, len(_LENGTHS), len(_CYCLES)
+        for axis in range(2):
+            tried = [prior.with_shape(axis, k) for k in range(smooth + waves)]
+            prior = max(tried, key=total.evidence)
+            if prior.shapes[axis] >= smooth:
+                prior = max(prior, prior.with_shape(axis, prior.shapes[axis] + waves), key=total.evidence)
+        return prior
 
     def _rms_px(self, rows: RowShifts) -> FloatArray:
         """(2,) RMS of the displacements at the trusted features."""

@@ -61,15 +61,12 @@ class Registration:
     def _reconciled(self, fit: Fit, new: Fit) -> Fit:
         """The fit to all matches, with an uncertainty that spans the fit to new ones alone; that one if it is far off.
 
-        Their distance counts by half, as both show a part of the picture, and less what is the noise of few new ones.
+        Their distance counts by half, as both show a part of the picture.
         """
-        apart_px = rms_distance(fit.ref_H_cur, new.ref_H_cur, self.size)
-        if apart_px > self.threshold_px:
+        if rms_distance(fit.ref_H_cur, new.ref_H_cur, self.size) > self.threshold_px:
             return new
-        by_noise_px = self._sigma_px(new)
-        beyond_noise = max(0.0, 1 - (by_noise_px / apart_px) ** 2) if apart_px else 0.0
         apart = (new.ref_H_cur - fit.ref_H_cur).ravel()[:8]
-        return replace(fit, covariance=fit.covariance + beyond_noise / 4 * np.outer(apart, apart))
+        return replace(fit, covariance=fit.covariance + np.outer(apart, apart) / 4)
 
     def _fitted(self, pairs: Correspondences, guess: Homography, trust: FloatArray) -> Fit | None:
         """By the model of the settings, or a similarity where the ground is too narrow to support more."""

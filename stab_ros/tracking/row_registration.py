@@ -32,27 +32,23 @@ class RowRegistration:
         """As `Registration.solve_rows`."""
         return self.registration.solve_rows(pairs, guess, trust, rows)
 
-    def improved(self, anchor: Anchor, gray: Gray, guess: Homography, match: Match, chains: bool) -> Match:
-        """The match, or one with displacements of the rows; these are sought from the guess as well.
+    def near(self, anchor: Anchor, gray: Gray, guess: Homography, chains: bool) -> Match | None:
+        """A registration with displacements of the rows that explains most features; None where there is none.
 
-        match: a registration of `gray`, (h, w) uint8, to the anchor, without rows. guess: initial ref_H_cur. chains:
-        see `Anchor.register`.
+        gray: (h, w) uint8. guess: predicted ref_H_cur. chains: see `Anchor.register`.
         """
+        found = anchor.register_rows(gray, guess, self.solve, chains)
+        return found if found is not None and _explains_most(found, anchor) else None
+
+    def improved(self, anchor: Anchor, gray: Gray, match: Match, chains: bool) -> Match:
+        """A registration without rows, or one with displacements of the rows from there on."""
         pairs, fit = match
-        trust = anchor.trust[pairs.feature_id]
-        if fit is not None and not self.residuals(pairs, trust, fit).hint and _explains_most(match, anchor):
+        if fit is None:
             return match
-        for start in [guess] if fit is None else [fit.ref_H_cur, guess]:
-            found = anchor.register_rows(gray, start, self.solve, chains)
-            if found is not None and (not _has_rows(match) or _inliers(found) > _inliers(match)):
-                match = found
-            if _has_rows(match) and _explains_most(match, anchor):
-                break
-        return match
-
-
-def _has_rows(match: Match) -> bool:
-    return match[1] is not None and match[1].rows is not None
+        if not self.residuals(pairs, anchor.trust[pairs.feature_id], fit).hint and _explains_most(match, anchor):
+            return match
+        found = anchor.register_rows(gray, fit.ref_H_cur, self.solve, chains)
+        return match if found is None else found
 
 
 def _inliers(match: Match) -> int:

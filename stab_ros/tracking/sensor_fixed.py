@@ -19,7 +19,7 @@ _MATCHES = 0.6  # correlation at the old place: over a scene that moves, 99 % of
 _MOST = 0.5  # of the frames
 _RADIUS_PX = 8
 _REACH_PX = 12  # from the centre of a patch: others within it show some of the same
-_EACH_FRAME = 100  # patches that are looked at
+_EACH_FRAME = 150  # patches that are looked at
 _TIMES = 3  # that a patch is found in place, more often than not
 _MOVED_PX = 3.0  # of the scene: a template does not match there any more
 _AT_REST_PX = 0.1  # all patches together, beyond which it is no overlay on a scene that moves
@@ -78,9 +78,11 @@ class InPlaceCheck:
         return self._patches.centres[fresh].astype(np.float64)
 
     def _next(self, anchor_H_cur: Homography) -> IdArray:
-        """Those of the patches whose turn it is that the scene has moved away from."""
+        """Those that are suspected or whose turn it is, if the scene has moved away from them."""
         step = max(1, -(-len(self._patches) // _EACH_FRAME))
-        which = np.arange(self._turn % step, len(self._patches), step)
+        suspected = (self._score > 0) & ~self._found
+        suspected[self._turn % step :: step] = True
+        which = np.flatnonzero(suspected)
         self._turn += 1
         centres = self._patches.centres[which].astype(np.float64)
         away_px: FloatArray = np.hypot(*(apply(anchor_H_cur, centres) - centres).T)

@@ -183,14 +183,17 @@ class Session:
         return _Attempt(anchor, pairs, fit, rejected, support.share if rejected is None else 0.0)
 
     def _register(self, anchor: Anchor, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
-        """Matches and a fit to them; from where that led, again, if it led far."""
-        start, match = guess, self._converged(anchor, gray, guess)
-        if self._seeks_rows and self.rolling_shutter.known:
-            return self._by_rows.improved(anchor, gray, start, match, self._strategy.chains)
-        return match
+        """Matches and a fit to them, with displacements of the rows where they swing."""
+        anchor.look(gray)
+        chains, swings = self._strategy.chains, self._seeks_rows and self.rolling_shutter.known
+        match = self._by_rows.near(anchor, gray, guess, chains) if swings else None
+        if match is not None:
+            return match
+        match = self._converged(anchor, gray, guess)
+        return self._by_rows.improved(anchor, gray, match, chains) if swings else match
 
     def _converged(self, anchor: Anchor, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
-        anchor.look(gray)
+        """Matches and a fit to them; from where that led, again, if it led far."""
         for _ in range(_MOST_REGISTRATIONS):
             pairs, fit = anchor.register(gray, guess, self._solver(anchor), self._strategy.chains)
             if fit is None or pairs.ref_H_cur is None or self._has_converged(fit, pairs.ref_H_cur):

@@ -27,8 +27,10 @@ def strips(index: int) -> Gray:
     return np.concatenate([np.roll(good[top : top + 20], draw.integers(40, 360), axis=1) for top in range(0, 300, 20)])
 
 
-DAMAGED: dict[str, Callable[[int], Gray]] = {"noise": random_noise, "strips": strips, "another scene": lambda _: picture(seed=9),
-           "upside down": lambda index: np.ascontiguousarray(picture(place(index))[::-1])}
+DAMAGED: dict[str, Callable[[int], Gray]] = {
+    "noise": random_noise, "strips": strips, "another scene": lambda _: picture(seed=9),
+    "upside down": lambda index: np.ascontiguousarray(picture(place(index))[::-1]),
+}
 
 
 def answered(images: Sequence[Gray], stabilizer: Stabilizer) -> list[Track]:
