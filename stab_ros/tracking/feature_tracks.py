@@ -6,6 +6,7 @@ and it is known which features keep their texture. No plane is assumed; `planes`
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -13,7 +14,7 @@ import cv2
 import numpy as np
 
 from stab_ros.core.downscale import Downscaling
-from stab_ros.core.geometry import apply, normalized, point_jacobian
+from stab_ros.core.geometry import apply, normalized, point_jacobian, rms_distance
 from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography
 from stab_ros.estimation import estimators
 from stab_ros.methods import spread
@@ -37,6 +38,8 @@ _SHAPE_PX, _EXACT_SHAPE_PX = 3.0, 1.0  # by the flow, and by the templates
 _APART_PX, _APART_SHARE = 4.0, 0.002  # of the width: what a similarity leaves of a tilt from frame to frame
 _TOGETHER, _LEAST_TOGETHER = 0.25, 12  # of the features that match their templates
 _SEARCH_PX = 128  # in the reference, for a frame that no flow leads to
+_JUMP = 0.05  # of the width, from one frame to the next
+_EXCURSION, _TIMES_USUAL, _TIMES_APART = 0.03, 8.0, 4.0  # of the width; the median step; from before it to after it
 _FOLLOWED = 0.1  # of the features, at least: with fewer the frame is not followed
 
 
@@ -124,14 +127,33 @@ class FeatureTracks:
         self._blocks.remember(gray, self._followed[-1].at_px)
         return float(np.mean(self._rows[-1].seen))
 
+    @property
+    def has_jumped(self) -> bool:
+        """Whether the last frame that was followed lies far from the one before it."""
+        shapes = [np.eye(3), *self._shapes]
+        return rms_distance(shapes[-1], shapes[-2], self._search.size) > _JUMP * self._search.size[0]
+
     def trajectories(self) -> Trajectories:
-        """The trajectories so far."""
-        n, rows = len(self.reference_px), self._rows
+        """The trajectories so far; without frames that lie elsewhere than both those before and after them."""
+        n = len(self.reference_px)
+        rows = [self._unseen if out else row for row, out in zip(self._rows, self._excursions(), strict=True)]
         return Trajectories(self.reference_px, np.array([row.at_px for row in rows]).reshape(-1, n, 2),
                             np.array([row.information for row in rows]).reshape(-1, n, 2, 2),
                             np.array([row.seen for row in rows], bool).reshape(-1, n),
                             np.array(self._frozen, bool).reshape(-1, n),
                             np.array(self._shapes).reshape(-1, 3, 3))
+
+    def _excursions(self) -> list[bool]:
+        """Of each frame, whether the camera would have gone far away for it and come back: it has inertia."""
+        followed = [k for k, row in enumerate(self._rows) if row.seen.any()]
+        shapes, size = [np.eye(3), *(self._shapes[k] for k in followed)], self._search.size
+        steps_px = [rms_distance(one, other, size) for one, other in itertools.pairwise(shapes)]
+        least_px = max(_EXCURSION * size[0], _TIMES_USUAL * float(np.median(steps_px or [0.0])))
+        out = [False] * len(self._rows)
+        for k, (there_px, back_px) in enumerate(itertools.pairwise(steps_px)):
+            apart_px = rms_distance(shapes[k], shapes[k + 2], size)
+            out[followed[k]] = min(there_px, back_px) > max(least_px, _TIMES_APART * apart_px)
+        return out
 
     @property
     def _unseen(self) -> _Measured:

@@ -116,6 +116,11 @@ class Session:
         self.found += shown**2
         return shown
 
+    @property
+    def has_jumped(self) -> bool:
+        """Whether the last frame of the start-up lies far from the one before it."""
+        return self.ground.buffer is not None and self.ground.buffer.has_jumped
+
     def finish(self) -> list[Track]:
         """Ends the start-up: the answers to the buffered frames, by what has been seen so far."""
         buffer, self.ground.buffer = self.ground.buffer, None

@@ -40,7 +40,7 @@ from stab_ros.tracking.setup import Setup
 from stab_ros.tracking.start_buffer import GroundState
 from stab_ros.tracking.state import Event, TrackerState, next_state
 from stab_ros.tracking.static_map import StaticMap
-from stab_ros.tracking.succession import ESTABLISHED, Rival, is_challenged, is_missed
+from stab_ros.tracking.succession import ESTABLISHED, Rival, is_challenged
 
 
 class Stabilizer:
@@ -331,13 +331,12 @@ class Stabilizer:
         """Buffers a frame, also in the rival of the reference; if neither finds it, it becomes the rival."""
         stamp = self._stamped(frame)
         shown = session.follow(stamp, self._gray(frame, session))
-        if not is_challenged(session):
-            self._rival = None
-            return
         if self._rival is not None:
             self._rival.session.follow(stamp, self._gray(frame, self._rival.session))
-        if is_missed(shown) and (self._rival is None or not self._rival.is_confirmed):
-            self._rival = self._new_rival(stamp, frame)
+        if self._rival is None or not self._rival.is_confirmed:
+            self._rival = self._new_rival(stamp, frame) if is_challenged(session, shown) else self._rival
+        elif not self._rival.may_succeed(session):
+            self._rival = None
 
     def _finished(self) -> list[Track]:
         """Ends the start-up of the reference, or gives it up; then that of its successor may not be over."""

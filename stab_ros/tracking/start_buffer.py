@@ -111,6 +111,11 @@ class StartBuffer:
         return len(self._tracks.reference_px) >= _LEAST_FEATURES
 
     @property
+    def has_jumped(self) -> bool:
+        """Whether the last frame lies far from the one before it."""
+        return self._tracks.has_jumped
+
+    @property
     def over(self) -> bool:
         """Whether the last frame ends the start-up."""
         if not self._stamps:

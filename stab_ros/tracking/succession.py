@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from stab_ros.tracking.frame_stamp import FrameStamp
 from stab_ros.tracking.session import Session
 
-ESTABLISHED = 3.0  # frames found: with as many, a reference is not challenged any more
+ESTABLISHED = 3.0  # frames found: with as many, a reference gets no rival any more
 _MISSED = 0.25  # of the features shown: with fewer, a frame may match by chance
-_TIMES = 4  # as much as the reference has found
+_TIMES = 1.5  # as much as the reference has found
 _AT_ONCE = 8  # frames that the rival has found, where no frame after it can be waited for
 
 
@@ -30,20 +30,25 @@ class Rival:
         """Whether another frame has matched it."""
         return self.session.found > 0
 
+    def may_succeed(self, reference: Session) -> bool:
+        """Whether it is still to be decided which of the two is the better reference."""
+        return reference.found < ESTABLISHED or self._is_better(reference)
+
     def succeeds(self, reference: Session) -> bool:
         """Whether it takes over, once all frames of a start-up have been seen."""
-        return self.session.found >= ESTABLISHED and self.session.found > _TIMES * reference.found
+        return self.session.found >= ESTABLISHED and self._is_better(reference)
 
     def succeeds_at_once(self, reference: Session) -> bool:
         """Whether it takes over from a reference that answers each frame at once."""
         return self.session.found >= _AT_ONCE and not reference.found
 
-
-def is_challenged(reference: Session) -> bool:
-    """Whether a reference has found so little that it may be to blame itself."""
-    return reference.found < ESTABLISHED
+    def _is_better(self, reference: Session) -> bool:
+        return self.session.found > _TIMES * reference.found
 
 
-def is_missed(shown: float) -> bool:
-    """Whether a frame shows so small a share of a reference's features that it may not belong to it."""
-    return shown < _MISSED
+def is_challenged(reference: Session, shown: float) -> bool:
+    """Whether a frame of the start-up that shows this share of the reference's features becomes its rival.
+
+    It shows next to nothing of it, or all of it elsewhere, as a picture put together from the wrong pieces does.
+    """
+    return reference.found < ESTABLISHED and (shown < _MISSED or reference.has_jumped)
