@@ -68,7 +68,7 @@ class Session:
         self._factory, self._registration = factory, Registration(config, self.reference.frame.size)
         self._strategy = self._strategy_of(anchor, config, factory)
         self._recovery = Recovery(self.ground)
-        self._usual_share = 0.0  # of inliers
+        self._usual_share, self._shares = 0.0, 0  # of inliers: mean, and number of frames
 
     @property
     def keyframes(self) -> int:
@@ -86,7 +86,7 @@ class Session:
         self.last_match = best.pairs, best.fit
         if best.fit is not None and best.rejected is None:
             self.found += 1
-            self._usual_share += _SHARE_RATE * (best.share - self._usual_share)
+            self._note_share(best.share)
             return self._accepted(stamp, best.anchor, gray, best.pairs, best.fit)
         self.motion = self.motion.standing()
         reason = max((one.rejected for one in attempts if one.rejected is not None), key=list(LostReason).index)
@@ -173,6 +173,11 @@ class Session:
         if self.ground.prior is not None:
             anchor.set_prior_weights(self.ground.prior)
         return self._block(anchor)
+
+    def _note_share(self, share: float) -> None:
+        """The mean over all frames at first, later over the last ones."""
+        self._shares += 1
+        self._usual_share += max(_SHARE_RATE, 1 / self._shares) * (share - self._usual_share)
 
     def _attempt(self, anchor: Anchor, gray: Gray, guess: Homography) -> _Attempt:
         pairs, fit = self._register(anchor, gray, guess)
@@ -323,6 +328,7 @@ class Session:
             support = result.support(frame.pairs, fit)
             rejected = self._registration.rejected(fit, self._strategy.anchor.pose, frame.pairs, frame.trust, support)
             if rejected is None:
+                self._note_share(support.share)
                 return self._tracked(frame.stamp, frame.pairs, fit)
             reason = rejected
         self.motion = self.motion.standing()
