@@ -73,11 +73,13 @@ def given_up(references: int) -> str:
             "homographies of different reset_counter have different references")
 
 
-def remarks(competing: CompetingHypothesis | None, relief: Relief | None, swing: Swing | None) -> list[str]:
+def remarks(competing: CompetingHypothesis | None, relief: Relief | None, swing: Swing | None,
+            copied: float | None) -> list[str]:
     """One sentence for each reason why homographies may be wrong; None: there is no such reason."""
     found = [] if competing is None else [ambiguous_ground(competing)]
     found = found if relief is None else [*found, parallax(relief)]
-    return found if swing is None else [*found, rolling_shutter(swing)]
+    found = found if swing is None else [*found, rolling_shutter(swing)]
+    return found if copied is None else [*found, copied_by_codec(copied)]
 
 
 def ambiguous_ground(competing: CompetingHypothesis) -> str:
@@ -99,6 +101,13 @@ def rolling_shutter(swing: Swing) -> str:
     """Rows are shifted against each other."""
     return (f"rolling shutter: the rows of {swing.frames} frames swing by up to {swing.most_px:.2f} px; "
             "image_stabilized corrects it, homographies alone do not, sigma_px includes what they leave")
+
+
+def copied_by_codec(share: float) -> str:
+    """Little of the picture is new from frame to frame."""
+    return (f"low bitrate: the video codec has copied {100 * share:.0f} % of what is tracked from earlier frames, so a "
+            "motion of the camera may not be in the pictures, and sigma_px does not include that; "
+            "ignore it if the camera stood still, else record at a higher bitrate")
 
 
 def _heading(rate_px: tuple[float, float]) -> str:

@@ -130,7 +130,8 @@ def _unused(source: Source, counts: Counts) -> list[str]:
 def _remarks(source: Source, stabilizer: Stabilizer) -> list[str]:
     """Reasons why the answers may be wrong."""
     given_up = advice.given_up(stabilizer.given_up)
-    found = advice.remarks(stabilizer.competing_hypothesis, stabilizer.relief, stabilizer.swing)
+    found = advice.remarks(stabilizer.competing_hypothesis, stabilizer.relief, stabilizer.swing,
+                          stabilizer.copied_share)
     return [f"{source.name}: {remark}" for remark in ([given_up, *found] if given_up else found)]
 
 

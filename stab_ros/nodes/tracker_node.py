@@ -243,6 +243,7 @@ class TrackerNode(StabNode):
     def _report(self) -> None:
         self.status.competing, self.status.relief = self.stabilizer.competing_hypothesis, self.stabilizer.relief
         self.status.ground, self.status.swing = self.stabilizer.ground, self.stabilizer.swing
+        self.status.copied = self.stabilizer.copied_share
         self.status.stamps, self.status.before = self._stamps.counts, self._input.before
         self.publish_diagnostics(self.status.report(self.free.ns))
 

@@ -25,6 +25,7 @@ class TrackerStatus:
         self.competing: CompetingHypothesis | None = None  # a plane that may be the ground as well
         self.relief: Relief | None = None  # parallax that shows that the ground is not one plane
         self.swing: Swing | None = None  # of the rows, by a rolling shutter
+        self.copied: float | None = None  # share that the video codec has copied, if it is much
         self.stamps: Mapping[str, str] = {}  # counts of irregular ones
         self.before = 0  # images published before the first that was received
         self.ground = GroundState.UNDECIDED
@@ -75,7 +76,7 @@ class TrackerStatus:
     def _all_warnings(self) -> list[str]:
         """What is worth a warning now; those of a kind are told once."""
         once, self._warnings = self._warnings, {}
-        return [*advice.remarks(self.competing, self.relief, self.swing), *once.values()]
+        return [*advice.remarks(self.competing, self.relief, self.swing, self.copied), *once.values()]
 
     def _state(self, free_ns: int) -> str:
         if self._track is None:

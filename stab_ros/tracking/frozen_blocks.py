@@ -4,11 +4,13 @@ Where little changes, H.264 skips a block and a GIF leaves it out. Its pixels th
 the frame before, more often than noise allows. Such a block agrees perfectly with a camera that stands still.
 
 Such blocks are no better than new ones, so they count no more than those. Where the new ones by themselves say
-something else, the picture shows two positions at once, and the uncertainty spans both (`registration`).
+something else, the picture shows two positions at once, and the uncertainty spans both (`registration`). Where hardly
+any are new, nothing tells how far the camera has moved, and the user is told (`CopiedShare`).
 """
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +22,9 @@ from stab_ros.estimation.problem import strongest
 _RADIUS_PX = 8
 _SIDE_PX = 2 * _RADIUS_PX + 1
 _EQUAL = 0.5  # of the pixels of a block. Noise of one grey level leaves 0.3, of half a level 0.5
+_MUCH_COPIED = 0.6  # of the tracked features, over some frames
+_RECENT_FRAMES, _LEAST_FRAMES = 48, 12
+_REPEATED = 0.98  # a picture that is sent twice, or one without any noise
 
 
 class FrozenBlocks:
@@ -48,6 +53,27 @@ class FrozenBlocks:
     def _corners_of(self, at_px: FloatArray) -> IdArray:
         most = np.array(self._shape[::-1]) - _SIDE_PX
         return np.clip(np.round(at_px - _RADIUS_PX), 0, most).astype(np.int64)
+
+
+class CopiedShare:
+    """How much of what was tracked the codec has copied."""
+
+    def __init__(self) -> None:
+        self._recent: deque[float] = deque(maxlen=_RECENT_FRAMES)
+        self._most = 0.0
+
+    @property
+    def much(self) -> float | None:
+        """Share of the features, in [0, 1], the most over some frames, if it is so much that the user must know."""
+        return self._most if self._most > _MUCH_COPIED else None
+
+    def add(self, frozen: BoolArray, trust: FloatArray) -> None:
+        """Takes a registered frame: which of its features, (N,) bool, are copied, and their weights (N,)."""
+        share = float(trust[frozen].sum() / max(trust.sum(), 1e-9))
+        if share < _REPEATED:
+            self._recent.append(share)
+        if len(self._recent) >= _LEAST_FRAMES:
+            self._most = max(self._most, float(np.mean(self._recent)))
 
 
 def no_better(pairs: Correspondences, frozen: BoolArray) -> Correspondences:

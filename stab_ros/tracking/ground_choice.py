@@ -234,7 +234,7 @@ def _competing(chosen: Plane, other: Plane, cues: _Cues, of_other: _Cues, seen: 
     if odds >= certain or share < _LEAST_SHARE:
         return None
     both = np.flatnonzero(~np.isnan(chosen.ref_H_cur[:, 0, 0]) & ~np.isnan(other.ref_H_cur[:, 0, 0]))
-    centre = np.array([[seen.size[0] / 2, seen.size[1] / 2]])
+    centre = seen.reference_px[other.member].mean(axis=0)[None]  # where it is known best
     ground_px = np.array([apply(np.linalg.inv(chosen.ref_H_cur[f]), centre)[0] for f in both])
     other_px = np.array([apply(np.linalg.inv(other.ref_H_cur[f]), centre)[0] for f in both])
     away_px = np.array([apply(chosen.ref_H_cur[f], at[None])[0] for f, at in zip(both, other_px, strict=True)]) - centre

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stab_ros.core.geometry import apply, is_plausible, rms_distance, sigma_px
+from stab_ros.core.geometry import apply, grid, is_plausible, rms_distance, sigma_px
 from stab_ros.core.row_shifts import RowShifts
 from stab_ros.core.types import BoolArray, Correspondences, Fit, FloatArray, Homography, LostReason
 from stab_ros.estimation import estimators
 from stab_ros.estimation.aliasing import with_aliasing
-from stab_ros.estimation.models import PARAMETERS, Basis
+from stab_ros.estimation.models import PARAMETERS, Basis, nearest
 from stab_ros.estimation.problem import TRUSTED
 from stab_ros.estimation.rows import fit_rows
 from stab_ros.methods import METHODS
@@ -23,9 +23,13 @@ from stab_ros.tracking.support import Support
 # median residuals are 0.1 to 0.4 px, 0.5 px with 9 px of motion blur, and 0.8 px where the homography is 1 px off
 _MOST_MEDIAN_PX = 0.65
 _SIMPLE = "similarity"
-_TILT = 0.0005  # of the longer side
-_WORTH = 2.0  # times as uncertain as a fit that extrapolates: how uncertain that one is is not well known itself
-_LEAST_NEW = 24  # matches that no codec has copied, to tell where the ground is by themselves
+_TILT = 0.001  # of the longer side, where nothing is known yet
+_TILT_DECAY = 0.98  # per frame
+_AGREES = 0.8  # of the inliers of the projective fit: with fewer, the view has tilted too far for the simple model
+_LEAST_NEW = 24.0  # matches that no codec has copied, to tell where the ground is by themselves
+_MANY_NEW = 0.3  # of the inliers: then the copied ones are not needed
+_MORE = 1.5  # times as many of those agree with each other as with all
+_KNOWN = 0.5  # of the squared distance between the fits, beyond the uncertainty of new ones
 
 
 @dataclass(frozen=True)
@@ -33,11 +37,21 @@ class Registration:
     """Fits and judges by the settings.
 
     size: width, height of the reference, px. scatter: how many times further than usual features lie off their plane.
+    tilt_px: how far the last frames were from a similarity, the most of it (RMS over the grid).
     """
 
     config: StabilizerConfig
     size: tuple[int, int]
     scatter: float = 1.0
+    tilt_px: float = 0.0
+
+    def after(self, fit: Fit) -> Registration:
+        """With the tilt that an accepted fit shows."""
+        if fit.model == _SIMPLE:
+            return self
+        similar = nearest(_SIMPLE, fit.ref_H_cur, grid(self.size))
+        now_px = rms_distance(fit.ref_H_cur, similar, self.size)
+        return replace(self, tilt_px=max(_TILT_DECAY * self.tilt_px, now_px))
 
     @property
     def threshold_px(self) -> float:
@@ -53,31 +67,46 @@ class Registration:
         if not frozen.any():
             return self._fitted(pairs, guess, trust)
         fit = self._fitted(no_better(pairs, frozen), guess, trust)
-        new = self._fitted(pairs, guess, np.where(frozen, 0.0, trust))
-        if fit is None or new is None or new.inlier[~frozen].sum() < _LEAST_NEW:
+        new = self._fitted(pairs[~frozen], guess, trust[~frozen])
+        if fit is None or new is None:
             return fit
-        return self._reconciled(fit, new)
+        new = replace(new, inlier=self._agreeing(pairs, new, frozen))
+        by_all, by_new = (float(trust[one.inlier & ~frozen].sum()) for one in (fit, new))
+        if by_new < _LEAST_NEW:
+            return fit
+        many = by_new > _MANY_NEW * float(trust[fit.inlier].sum())
+        return new if many else self._reconciled(fit, new, by_new > _MORE * by_all)
 
-    def _reconciled(self, fit: Fit, new: Fit) -> Fit:
+    def _agreeing(self, pairs: Correspondences, new: Fit, frozen: BoolArray) -> BoolArray:
+        """(N,) bool: the inliers of a fit to the new pairs, and the copied ones that agree with it."""
+        off_px = np.hypot(*(apply(new.ref_H_cur, pairs.current_px) - pairs.reference_px).T)
+        agreeing = frozen & (off_px < self.threshold_px)
+        agreeing[~frozen] = new.inlier
+        return agreeing
+
+    def _reconciled(self, fit: Fit, new: Fit, differs: bool) -> Fit:
         """The fit to all matches, with an uncertainty that spans the fit to new ones alone; that one if it is far off.
 
-        Their distance counts by half, as both show a part of the picture.
+        differs: whether the new ones agree with each other and not with the fit. Their distance counts as far as it is
+        certain: before a camera that stands still, the new ones are the leaves in the wind.
         """
-        if rms_distance(fit.ref_H_cur, new.ref_H_cur, self.size) > self.threshold_px:
+        apart_px = rms_distance(fit.ref_H_cur, new.ref_H_cur, self.size)
+        known = max(0.0, 1 - (self._sigma_px(new) / max(apart_px, 1e-9)) ** 2)
+        if differs and known > _KNOWN and apart_px > self.threshold_px:
             return new
         apart = (new.ref_H_cur - fit.ref_H_cur).ravel()[:8]
-        return replace(fit, covariance=fit.covariance + np.outer(apart, apart) / 4)
+        return replace(fit, covariance=fit.covariance + known * np.outer(apart, apart))
 
     def _fitted(self, pairs: Correspondences, guess: Homography, trust: FloatArray) -> Fit | None:
         """By the model of the settings, or a similarity where the ground is too narrow to support more."""
         fit = self._by_model(self.config.model, pairs, guess, trust)
-        if fit is None or PARAMETERS[self.config.model] <= PARAMETERS[_SIMPLE] or self._sigma_px(fit) < self._tilt_px:
+        if fit is None or PARAMETERS[self.config.model] <= PARAMETERS[_SIMPLE] or not self._too_uncertain(fit):
             return fit
         simple = self._by_model(_SIMPLE, pairs, guess, trust)
         simple = None if simple is None else self._tilted(simple, pairs)
-        if simple is None or self._sigma_px(simple) > _WORTH * self._sigma_px(fit):
+        if simple is None or simple.inlier.sum() < _AGREES * fit.inlier.sum():
             return fit
-        return simple
+        return fit if self._too_uncertain(simple) else simple
 
     def _by_model(self, model: str, pairs: Correspondences, guess: Homography, trust: FloatArray) -> Fit | None:
         config = self.config
@@ -91,16 +120,19 @@ class Registration:
         return found.fit if found is not None and found.holds else None
 
     def _tilted(self, fit: Fit, pairs: Correspondences) -> Fit:
-        """A similarity with the uncertainty of what it leaves out: by a prior, the other four parameters are 0."""
+        """A similarity with the uncertainty of what it leaves out: the other four parameters, of which 0 is known."""
         width, height = self.size
         around = Basis("projective", pairs.reference_px[fit.inlier].mean(axis=0), float(np.hypot(width, height)) / 2)
-        left_out = around.entry_jacobian(fit.ref_H_cur)[:, PARAMETERS[_SIMPLE] :] * self._tilt_px
+        left_out = around.entry_jacobian(fit.ref_H_cur)[:, PARAMETERS[_SIMPLE] :] * self._usual_tilt_px
         return replace(fit, covariance=fit.covariance + left_out @ left_out.T, model=_SIMPLE)
 
     @property
-    def _tilt_px(self) -> float:
-        """What tilt and relief displace half a diagonal from the ground, at a hovering camera (standard deviation)."""
-        return _TILT * max(self.size)
+    def _usual_tilt_px(self) -> float:
+        """What tilt and relief displace half a diagonal from the ground (standard deviation)."""
+        return max(_TILT * max(self.size), self.tilt_px)
+
+    def _too_uncertain(self, fit: Fit) -> bool:
+        return self._sigma_px(fit) > self.config.max_sigma * max(self.size) / 1000
 
     def _sigma_px(self, fit: Fit) -> float:
         return sigma_px(fit.ref_H_cur, fit.covariance, self.size)
@@ -127,6 +159,4 @@ class Registration:
         many = support.share >= self.config.min_inlier_share and not self._blurred(fit, pairs, trust)
         if fit.inlier.sum() < self.config.min_inliers or not (many or support.is_solid):
             return LostReason.FEW_INLIERS
-        if self._sigma_px(fit) > self.config.max_sigma * max(self.size) / 1000:
-            return LostReason.UNCERTAIN
-        return None
+        return LostReason.UNCERTAIN if self._too_uncertain(fit) else None

@@ -14,6 +14,7 @@ from stab_ros.estimation.rows import straightened
 from stab_ros.tracking.anchor import Anchor, AnchorFactory, Solve
 from stab_ros.tracking.anchor_pose import AT_REFERENCE, AnchorPose
 from stab_ros.tracking.frame_stamp import FrameStamp
+from stab_ros.tracking.frozen_blocks import CopiedShare
 from stab_ros.tracking.ground import Ground
 from stab_ros.tracking.keyframes import Keyframes
 from stab_ros.tracking.motion import CameraMotion
@@ -63,7 +64,7 @@ class Session:
         self.ground = Ground(factory.allowed, static_map)
         self.motion = CameraMotion(reference.frame.size, np.eye(3), time_ns)
         self.parallax = Parallax(reference.frame.size)
-        self.rolling_shutter = RollingShutter()
+        self.rolling_shutter, self.copied = RollingShutter(), CopiedShare()
         self.last_match: tuple[Correspondences, Fit | None] | None = None
         self._factory, self._registration = factory, Registration(config, self.reference.frame.size)
         self._strategy = self._strategy_of(anchor, config, factory)
@@ -231,6 +232,7 @@ class Session:
         """The answer to a registered frame, after which anchors, weights and ground are brought up to date."""
         self._strategy.registered(anchor, fit, lambda other: self._checked_by(other, anchor, gray, fit))
         self._note_rows(pairs, anchor.trust[pairs.feature_id], fit)
+        self.copied.add(anchor.frozen[pairs.feature_id], anchor.trust[pairs.feature_id])
         anchor.update_weights(gray, pairs, fit)
         self._find_fixed(anchor, gray, fit)
         self.parallax.add(straightened(pairs, fit.rows), fit, self.ground.contains(pairs.reference_px))
@@ -258,6 +260,7 @@ class Session:
     def _tracked(self, stamp: FrameStamp, pairs: Correspondences, fit: Fit) -> Track:
         """The answer of an accepted fit, from which the next frame is predicted."""
         self.motion = self.motion.then(fit.ref_H_cur, stamp.time_ns)
+        self._registration = self._registration.after(fit)
         size = self.reference.frame.size
         covariance = self.ground.covariance(self._strategy.anchor.pose.accumulated(fit, size), fit.ref_H_cur,
                                             stamp.time_ns)
@@ -329,6 +332,7 @@ class Session:
             rejected = self._registration.rejected(fit, self._strategy.anchor.pose, frame.pairs, frame.trust, support)
             if rejected is None:
                 self._note_share(support.share)
+                self.copied.add(frame.frozen, frame.trust)
                 return self._tracked(frame.stamp, frame.pairs, fit)
             reason = rejected
         self.motion = self.motion.standing()

@@ -291,6 +291,11 @@ class Stabilizer:
         return 0.0 if self._present is None else self._present.ground.sensor_fixed_share
 
     @property
+    def copied_share(self) -> float | None:
+        """Share of what is tracked, in [0, 1], that the video codec has copied from earlier frames; None: not much."""
+        return None if self._present is None else self._present.copied.much
+
+    @property
     def relief(self) -> Relief | None:
         """The parallax that shows that the ground is no plane; None: none is seen."""
         return None if self._present is None else self._present.parallax.relief

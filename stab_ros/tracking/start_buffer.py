@@ -229,8 +229,9 @@ def _moves(plane: Plane, seen: Observations) -> bool:
 
 def _with_shapes(trajectories: Trajectories) -> BoolArray:
     """(N,) bool: the features that agree with the rough homographies whenever they are seen; all, if they are few."""
-    off_px = np.stack([np.hypot(*(apply(H, at_px) - trajectories.reference_px).T) for H, at_px
-                       in zip(trajectories.shapes, trajectories.current_px, strict=True)])
+    off_px = np.full(trajectories.seen.shape, np.inf)
+    for own_px, H, at_px in zip(off_px, trajectories.shapes, trajectories.current_px, strict=True):
+        own_px[:] = np.hypot(*(apply(H, at_px) - trajectories.reference_px).T)
     seen = trajectories.seen.sum(axis=0)
     agreed = np.sum(trajectories.seen & (off_px < _AGREEING_PX), axis=0)
     member = (agreed >= _SHOWN * len(trajectories.seen)) & (agreed >= _AGREES * seen)

@@ -108,7 +108,7 @@ def test_every_lens_is_removed(model: str) -> None:
     blind, knowing = make_stabilizer({}), make_stabilizer({}, lens)
     tracks = [[s.track(frame(image, index)) for index, image in enumerate(images)][1] for s in (blind, knowing)]
     assert error_px(tracks[1], H) < 0.03
-    assert not tracks[0].tracked or error_px(tracks[0], H) > 0.2
+    assert not tracks[0].tracked or error_px(tracks[0], H) > 0.15
     warped = knowing.warp(frame(images[1], 1), tracks[1])
     assert warped is not None
     truth = picture(noise=0)
@@ -185,7 +185,7 @@ def test_with_the_camera_a_distorted_scene_is_tracked_to_the_truth(method: str) 
     blind, knowing = make_stabilizer({"method": method}), make_stabilizer({"method": method}, LENS)
     tracks = [[s.track(frame(image, index)) for index, image in enumerate(images)][1] for s in (blind, knowing)]
     assert error_px(tracks[1], H) < (0.03 if method == "direct" else 0.1)
-    assert not tracks[0].tracked or error_px(tracks[0], H) > 0.2
+    assert not tracks[0].tracked or error_px(tracks[0], H) > 0.15
 
 
 def test_the_warp_undoes_distortion_too() -> None:

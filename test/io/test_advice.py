@@ -11,6 +11,7 @@ from stab_ros.io.advice import (
     FixedToCamera,
     ambiguous_ground,
     by_reason,
+    copied_by_codec,
     often_lost,
     parallax,
     remarks,
@@ -66,6 +67,7 @@ def test_what_moves_with_the_camera_is_told_once_for_each_reference() -> None:
 
 
 def test_each_reason_is_told_once() -> None:
-    assert remarks(None, None, None) == []
-    assert remarks(None, Relief(0.25, 30.0), Swing(3, 0.5)) == [parallax(Relief(0.25, 30.0)),
-                                                                rolling_shutter(Swing(3, 0.5))]
+    assert remarks(None, None, None, None) == []
+    assert remarks(None, Relief(0.25, 30.0), Swing(3, 0.5), 0.75) == [
+        parallax(Relief(0.25, 30.0)), rolling_shutter(Swing(3, 0.5)), copied_by_codec(0.75)]
+    assert copied_by_codec(0.75).startswith("low bitrate: the video codec has copied 75 % of what is tracked")

@@ -90,7 +90,7 @@ def test_less_is_claimed_where_the_picture_fits_worse() -> None:
         sigmas.append(track.sigma_px)
     assert sigmas[0] is not None
     assert sigmas[1] is not None
-    assert sigmas[1] > 2 * sigmas[0]
+    assert sigmas[1] > 1.2 * sigmas[0]
 
 
 def test_a_setting_out_of_range_is_refused() -> None:

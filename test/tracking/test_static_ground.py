@@ -86,7 +86,7 @@ def test_what_is_answered_late_is_what_was_asked() -> None:
     assert known == [[0], *[[]] * 24, list(range(1, 26)), *[[number] for number in range(26, 30)]]
 
 
-@pytest.mark.parametrize("values", [{"start_s": 0.0}, {"exclude": "[[[0, 0], [100, 0], [100, 100]]]"},
+@pytest.mark.parametrize("values", [{"start_s": 0.0},
                                     {"roi": "[[[0, 0], [399, 0], [399, 299], [0, 299]]]"},
                                     {"method": "fft", "fft.points": 4, "min_inliers": 4, "manual_points":
                                      "[[60, 60], [330, 60], [330, 240], [70, 230]]"}])
@@ -96,6 +96,19 @@ def test_where_ground_is_named_nothing_is_deferred(values: dict[str, str]) -> No
         tracks = stabilizer.answers(frame(picture(translation(0.3 * number, 0.0)), number))
         assert [track.index for track in tracks] == [number]
         assert not stabilizer.buffering
+
+
+def test_what_is_left_by_exclude_is_still_to_be_told_apart() -> None:
+    stabilizer = make_stabilizer({"exclude": "[[[0, 0], [100, 0], [100, 100]]]"})
+    stabilizer.answers(frame(picture()))
+    assert stabilizer.answers(frame(picture(translation(0.3, 0.0)), 1)) == []
+
+
+@pytest.mark.parametrize("frames", [1, 2])
+def test_a_stream_may_end_at_once(frames: int) -> None:
+    stabilizer = make_stabilizer({})
+    tracks = [track for number in range(frames) for track in stabilizer.answers(frame(picture(), number))]
+    assert [track.tracked for track in [*tracks, *stabilizer.finish()]] == [True] * frames
 
 
 def test_a_short_stream_is_decided_at_its_end() -> None:
