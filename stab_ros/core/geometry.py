@@ -114,3 +114,9 @@ def is_plausible(H: Homography, size: tuple[int, int], max_scale: float = 4.0) -
     if area.min() < max_scale**-2 or area.max() > max_scale**2:
         return False
     return bool(inside(apply(H, points), size).any())
+
+
+def inflated(covariance: FloatArray, ref_H_cur: Homography, variance_px2: FloatArray) -> FloatArray:
+    """Covariance (8, 8) of a homography with a shift of covariance variance_px2 (2, 2)."""
+    along = (np.kron(np.eye(2), ref_H_cur[2]) @ np.eye(6, 8)).T
+    return np.asarray(covariance + along @ variance_px2 @ along.T)

@@ -7,6 +7,7 @@ and it is known which features keep their texture. No plane is assumed; `planes`
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -146,12 +147,14 @@ class FeatureTracks:
     def _excursions(self) -> list[bool]:
         """Of each frame, whether the camera would have gone far away for it and come back: it has inertia."""
         followed = [k for k, row in enumerate(self._rows) if row.seen.any()]
-        shapes, size = [np.eye(3), *(self._shapes[k] for k in followed)], self._search.size
-        steps_px = [rms_distance(one, other, size) for one, other in itertools.pairwise(shapes)]
-        least_px = max(_EXCURSION * size[0], _TIMES_USUAL * float(np.median(steps_px or [0.0])))
+        n = len(self.reference_px)
+        reference = _Measured(self.reference_px, np.zeros((n, 2, 2)), np.ones(n, bool))
+        rows = [reference, *(self._rows[k] for k in followed)]
+        steps_px = [_moved_px(one, other) for one, other in itertools.pairwise(rows)]
+        least_px = max(_EXCURSION * self._search.size[0], _TIMES_USUAL * float(np.median(steps_px or [0.0])))
         out = [False] * len(self._rows)
         for k, (there_px, back_px) in enumerate(itertools.pairwise(steps_px)):
-            apart_px = rms_distance(shapes[k], shapes[k + 2], size)
+            apart_px = _moved_px(rows[k], rows[k + 2])
             out[followed[k]] = min(there_px, back_px) > max(least_px, _TIMES_APART * apart_px)
         return out
 
@@ -255,6 +258,14 @@ class FeatureTracks:
             information[chosen], seen[chosen] = measured.information, good
             chosen = chosen[good & (np.abs(moved).max(axis=1, initial=0) > _CLOSE_PX)]
         return _Measured(at_px, information, seen)
+
+
+def _moved_px(one: _Measured, other: _Measured) -> float:
+    """How far most of the features that both show lie apart; infinite where they are few."""
+    both = one.seen & other.seen
+    if both.sum() < _LEAST_TOGETHER:
+        return math.inf
+    return float(np.median(np.hypot(*(one.at_px - other.at_px)[both].T)))
 
 
 def _as_bright(before: Gray, small: Gray) -> Gray:

@@ -15,8 +15,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from stab_ros.core.geometry import inflated
 from stab_ros.core.kernels import BOOL, I64, U8, filled, kernel, read
-from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, IdArray
+from stab_ros.core.types import BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray
 from stab_ros.estimation.problem import strongest
 
 _RADIUS_PX = 8
@@ -24,6 +25,7 @@ _SIDE_PX = 2 * _RADIUS_PX + 1
 _EQUAL = 0.5  # of the pixels of a block. Noise of one grey level leaves 0.3, of half a level 0.5
 _MUCH_COPIED = 0.6  # of the tracked features, over some frames
 _RECENT_FRAMES, _LEAST_FRAMES = 48, 12
+_MOST_LAG_PX = 0.3  # a larger displacement changes a block so much that it is sent anew
 _REPEATED = 0.98  # a picture that is sent twice, or one without any noise
 
 
@@ -60,7 +62,7 @@ class CopiedShare:
 
     def __init__(self) -> None:
         self._recent: deque[float] = deque(maxlen=_RECENT_FRAMES)
-        self._most = 0.0
+        self._most = self._last = 0.0
 
     @property
     def much(self) -> float | None:
@@ -72,8 +74,20 @@ class CopiedShare:
         share = float(trust[frozen].sum() / max(trust.sum(), 1e-9))
         if share < _REPEATED:
             self._recent.append(share)
+        usual = float(np.mean(self._recent)) if self._recent else 0.0
+        self._last = max(share, usual)
         if len(self._recent) >= _LEAST_FRAMES:
-            self._most = max(self._most, float(np.mean(self._recent)))
+            self._most = max(self._most, usual)
+
+    def covariance(self, covariance: FloatArray, ref_H_cur: Homography, per_frame_px: float | None) -> FloatArray:
+        """Covariance (8, 8) of the last frame's homography, inflated by how far the copied blocks lag behind.
+
+        They show the ground where it was in an earlier frame. per_frame_px: how far the camera moves in one; None: it
+        is not known.
+        """
+        lag_px = _MOST_LAG_PX if per_frame_px is None else min(per_frame_px, _MOST_LAG_PX)
+        lag_px2 = self._last * lag_px**2
+        return inflated(covariance, ref_H_cur, np.eye(2) * lag_px2 / 2)
 
 
 def no_better(pairs: Correspondences, frozen: BoolArray) -> Correspondences:

@@ -39,7 +39,7 @@ _BESIDE = 1.6  # times the mean distance of the features
 _AMBIGUOUS = 1.65  # odds of 5 to 1, more than drift and size alone can give
 _APART_PX = 1.0  # planes that separate by less make no difference
 _UNSTEADY = 0.3  # largest share of the separation that is not in proportion to time
-_LEAST_SHARE = 0.1  # of the features of both planes, for a competing hypothesis
+_LEAST_SHARE = 0.05  # of the features of both planes, for a competing hypothesis
 
 
 Rate: TypeAlias = tuple[float, float]  # (x, y) px/s

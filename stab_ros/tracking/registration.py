@@ -82,7 +82,7 @@ class Registration:
         off_px = np.hypot(*(apply(new.ref_H_cur, pairs.current_px) - pairs.reference_px).T)
         agreeing = frozen & (off_px < self.threshold_px)
         agreeing[~frozen] = new.inlier
-        return agreeing
+        return np.asarray(agreeing)
 
     def _reconciled(self, fit: Fit, new: Fit, differs: bool) -> Fit:
         """The fit to all matches, with an uncertainty that spans the fit to new ones alone; that one if it is far off.

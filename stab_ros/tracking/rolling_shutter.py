@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stab_ros.core.geometry import inflated
 from stab_ros.core.row_shifts import RowShifts
 from stab_ros.core.types import FloatArray, Homography
 from stab_ros.estimation.rows import RowResiduals, changing_share, independent_share
@@ -70,7 +71,7 @@ class RollingShutter:
         """
         if rows is not None or self.swing is None or not self.known:
             return with_rows(covariance, ref_H_cur, rows)
-        return _inflated(covariance, ref_H_cur, np.eye(2) * max(self._last[-1].shared, 0.0))
+        return inflated(covariance, ref_H_cur, np.eye(2) * max(self._last[-1].shared, 0.0))
 
     def _swings(self) -> bool:
         """Whether the last frames show waves, even without the largest: homographies that are off show some too."""
@@ -88,10 +89,4 @@ def _wave(one: FloatArray, other: FloatArray) -> bool:
 
 def with_rows(covariance: FloatArray, ref_H_cur: Homography, rows: RowShifts | None) -> FloatArray:
     """Covariance (8, 8) of a homography, inflated by what it leaves of the rows: one sigma is their RMS."""
-    return covariance if rows is None else _inflated(covariance, ref_H_cur, rows.values.T @ rows.values / rows.height)
-
-
-def _inflated(covariance: FloatArray, ref_H_cur: Homography, variance_px2: FloatArray) -> FloatArray:
-    """Covariance (8, 8) of a homography with a shift of covariance variance_px2 (2, 2)."""
-    along = (np.kron(np.eye(2), ref_H_cur[2]) @ np.eye(6, 8)).T
-    return np.asarray(covariance + along @ variance_px2 @ along.T)
+    return covariance if rows is None else inflated(covariance, ref_H_cur, rows.values.T @ rows.values / rows.height)

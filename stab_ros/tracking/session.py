@@ -265,6 +265,7 @@ class Session:
         covariance = self.ground.covariance(self._strategy.anchor.pose.accumulated(fit, size), fit.ref_H_cur,
                                             stamp.time_ns)
         covariance = self.rolling_shutter.covariance(covariance, fit.ref_H_cur, fit.rows)
+        covariance = self.copied.covariance(covariance, fit.ref_H_cur, self.motion.per_frame_px)
         return Track(State.TRACKED, stamp.index, stamp.stamp_ns, self.reference.frame.stamp_ns, self.reset_counter,
                      len(pairs), int(fit.inlier.sum()), fit.ref_H_cur, covariance, fit.rmse_px,
                      sigma_px(fit.ref_H_cur, covariance, size), rows=fit.rows)
