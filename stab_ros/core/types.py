@@ -192,6 +192,7 @@ class Track:
         lost_reason: why the frame is LOST; None while TRACKED.
         rows: displacements of the frame's rows by a rolling shutter, to be added to pixels of the frame before
             `ref_H_cur` maps them; None: none are seen. `covariance` then includes what the homography alone leaves.
+        simpler_model: the transformation model that took the place of the one asked for, as `Fit.model`.
 
     Raises:
         ValueError: LOST without a reason, or TRACKED with one.
@@ -211,6 +212,7 @@ class Track:
     provisional: bool = False
     lost_reason: LostReason | None = None
     rows: RowShifts | None = None
+    simpler_model: str = ""
 
     def __post_init__(self) -> None:
         if self.tracked is not (self.lost_reason is None):

@@ -64,6 +64,14 @@ class FixedToCamera:
                 "is not used as ground")
 
 
+def simpler_model(frames: int) -> str:
+    """So many frames were registered by a simpler model than asked for; an empty string for none."""
+    if not frames:
+        return ""
+    return (f"{frames} frames show ground on one side only, so a similarity took the place of the model asked for; "
+            "sigma_px includes what it leaves out")
+
+
 def given_up(references: int) -> str:
     """So many references were given up; an empty string for none."""
     if not references:

@@ -17,6 +17,7 @@ def track_cdr(track: Track, header: Header, window: Window = _WHOLE) -> bytes:
     """DiagnosticArray with one status for the frame; empty strings: unknown while LOST, lost_reason while TRACKED.
 
     `rows_px` is the RMS of the displacements of the rows by a rolling shutter, empty where none are seen.
+    `simpler_model` is the one that took the place of `model`, empty where it did not.
 
     window: the part of the reference that `image_stabilized` shows.
     """
@@ -33,6 +34,7 @@ def track_cdr(track: Track, header: Header, window: Window = _WHOLE) -> bytes:
         "scale": f"{window.scale:.12g}",
         "provisional": str(track.provisional).lower(),
         "rows_px": number(None if track.rows is None else track.rows.rms_px),
+        "simpler_model": track.simpler_model,
         "lost_reason": "" if track.lost_reason is None else track.lost_reason.value,
     }
     level = OK if track.tracked else WARN

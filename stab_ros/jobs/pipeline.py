@@ -69,11 +69,13 @@ class Outputs:
 class Counts:
     """Numbers of written frames.
 
-    lost: by reason. problem: of the first that cannot be decoded or tracked. notes: what was found out on the way.
+    lost: by reason. simpler: with a simpler model than asked for. problem: of the first that cannot be
+    decoded or tracked. notes: what was found out on the way.
     """
 
     frames: int = 0
     lost: Counter[LostReason] = field(default_factory=Counter)
+    simpler: int = 0
     problem: str = ""
     notes: tuple[str, ...] = ()
 
@@ -81,6 +83,7 @@ class Counts:
         self.frames += 1
         if result.track.lost_reason is not None:
             self.lost[result.track.lost_reason] += 1
+        self.simpler += bool(result.track.simpler_model)
         if not isinstance(result.picture.decoded, Frame):
             self.problem = self.problem or str(result.picture.decoded)
 

@@ -82,7 +82,8 @@ def stabilize(job: Job, progress: Progress, compiling: Compiler = compile_kernel
                          partial(read_again, job.source, job.image_topic, job.fps, job.limit))
         warnings = (*_replaced(source, outputs.bag.replaced), *source.warnings, *_unused(source, counts),
                     *_remarks(source, stabilizer), *_lost(source, counts, stabilizer.reference))
-    notes = tuple(f"{source.name}: {note}" for note in counts.notes)
+    said = [advice.simpler_model(counts.simpler)] if counts.simpler else []
+    notes = tuple(f"{source.name}: {note}" for note in (*counts.notes, *said))
     return Stabilization(counts.frames, counts.lost, time.monotonic() - started_s, warnings, notes)
 
 

@@ -268,7 +268,7 @@ class Session:
         covariance = self.copied.covariance(covariance, fit.ref_H_cur, self.motion.per_frame_px)
         return Track(State.TRACKED, stamp.index, stamp.stamp_ns, self.reference.frame.stamp_ns, self.reset_counter,
                      len(pairs), int(fit.inlier.sum()), fit.ref_H_cur, covariance, fit.rmse_px,
-                     sigma_px(fit.ref_H_cur, covariance, size), rows=fit.rows)
+                     sigma_px(fit.ref_H_cur, covariance, size), rows=fit.rows, simpler_model=fit.model)
 
     def _extend(self, gray: Gray, fit: Fit) -> None:
         """Makes the frame just registered an anchor if the strategy wants that and it has enough features.

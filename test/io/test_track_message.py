@@ -31,9 +31,10 @@ def test_track_in_full() -> None:
     covariance = track(TILTED).covariance
     assert covariance is not None
     assert list(values) == ["state", "reference_stamp_ns", "reset_counter", "matches", "inliers", "rmse_px", "sigma_px",
-                            "covariance", "offset", "scale", "provisional", "rows_px", "lost_reason"]
+                            "covariance", "offset", "scale", "provisional", "rows_px",
+                            "simpler_model", "lost_reason"]
     assert [float(number) for number in values.pop("covariance").split()] == list(covariance[np.triu_indices(8)])
-    assert list(values.values()) == ["TRACKED", "5", "1", "40", "38", "0.1", "0.02", "0 0", "1", "false", "", ""]
+    assert list(values.values()) == ["TRACKED", "5", "1", "40", "38", "0.1", "0.02", "0 0", "1", "false", "", "", ""]
     assert deserialize_message(cdr, DiagnosticArray).status[0].level == b"\x00"
     assert read_stamp(cdr) == HEADER.stamp_ns
 
