@@ -5,7 +5,7 @@ the frame before, more often than noise allows. Such a block agrees perfectly wi
 
 Such blocks are no better than new ones, so they count no more than those. Where the new ones by themselves say
 something else, the picture shows two positions at once, and the uncertainty spans both (`registration`). Where hardly
-any are new, nothing tells how far the camera has moved, and the user is told (`CopiedShare`).
+any are new, nothing tells how far the camera has moved, and the user is told (`CopiedBlocks`).
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ _EQUAL = 0.5  # of the pixels of a block. Noise of one grey level leaves 0.3, of
 _MUCH_COPIED = 0.6  # of the tracked features, over some frames
 _RECENT_FRAMES, _LEAST_FRAMES = 48, 12
 _MOST_LAG_PX = 0.3  # a larger displacement changes a block so much that it is sent anew
+_FORGETS = 8  # a tenth that is new more than halves the time
+_LEAST_STEPS, _STEP_RATE = 3, 0.05
 _REPEATED = 0.98  # a picture that is sent twice, or one without any noise
 
 
@@ -57,12 +59,14 @@ class FrozenBlocks:
         return np.clip(np.round(at_px - _RADIUS_PX), 0, most).astype(np.int64)
 
 
-class CopiedShare:
-    """How much of what was tracked the codec has copied."""
+class CopiedBlocks:
+    """How much of what is tracked the codec has copied, and how far that lags behind."""
 
     def __init__(self) -> None:
         self._recent: deque[float] = deque(maxlen=_RECENT_FRAMES)
-        self._most = self._last = 0.0
+        self._most = self._share = self._usual = 0.0
+        self._held = 0.0  # frames since most was new
+        self._steps, self._step_px2 = 0, 0.0  # from frame to frame: their number and mean square
 
     @property
     def much(self) -> float | None:
@@ -71,23 +75,34 @@ class CopiedShare:
 
     def add(self, frozen: BoolArray, trust: FloatArray) -> None:
         """Takes a registered frame: which of its features, (N,) bool, are copied, and their weights (N,)."""
-        share = float(trust[frozen].sum() / max(trust.sum(), 1e-9))
-        if share < _REPEATED:
-            self._recent.append(share)
-        usual = float(np.mean(self._recent)) if self._recent else 0.0
-        self._last = max(share, usual)
+        self._share = float(trust[frozen].sum() / max(trust.sum(), 1e-9))
+        self._held = self._share**_FORGETS * (self._held + 1)
+        if self._share < _REPEATED:
+            self._recent.append(self._share)
+        self._usual = float(np.mean(self._recent)) if self._recent else 0.0
         if len(self._recent) >= _LEAST_FRAMES:
-            self._most = max(self._most, usual)
+            self._most = max(self._most, self._usual)
 
-    def covariance(self, covariance: FloatArray, ref_H_cur: Homography, per_frame_px: float | None) -> FloatArray:
-        """Covariance (8, 8) of the last frame's homography, inflated by how far the copied blocks lag behind.
+    def moved(self, step_px: float) -> None:
+        """The frame lies so far from the one before it, which tells nothing where all was copied."""
+        if self._share < _REPEATED:
+            self._steps += 1
+            self._step_px2 += max(_STEP_RATE, 1 / self._steps) * (step_px**2 - self._step_px2)
 
-        They show the ground where it was in an earlier frame. per_frame_px: how far the camera moves in one; None: it
-        is not known.
+    def covariance(self, covariance: FloatArray, ref_H_cur: Homography) -> FloatArray:
+        """Covariance (8, 8) of the frame's homography, inflated by how far the ground may have moved on since.
+
+        A copied block shows it where it was a frame ago, or where it was when most of the picture was new.
         """
-        lag_px = _MOST_LAG_PX if per_frame_px is None else min(per_frame_px, _MOST_LAG_PX)
-        lag_px2 = self._last * lag_px**2
+        lag_px2 = max(self._share, self._usual) * self._lag_px**2
         return inflated(covariance, ref_H_cur, np.eye(2) * lag_px2 / 2)
+
+    @property
+    def _lag_px(self) -> float:
+        if self._steps < _LEAST_STEPS:
+            return _MOST_LAG_PX
+        step_px = float(np.sqrt(self._step_px2))
+        return max(min(step_px, _MOST_LAG_PX), step_px * self._held if self._held > 1 else 0.0)
 
 
 def no_better(pairs: Correspondences, frozen: BoolArray) -> Correspondences:

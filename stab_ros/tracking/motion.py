@@ -80,13 +80,6 @@ class CameraMotion:
         unknown_px = off_px if self._foreseeable(time_ns) else np.hypot(off_px, moved_px)
         return max(_LEAST_PX, gap * float(np.sqrt(np.mean(unknown_px**2))))
 
-    @property
-    def per_frame_px(self) -> float | None:
-        """How far the camera moves from frame to frame, RMS over the last second; None: too few were seen."""
-        if len(self.steps) < _FEW_STEPS:
-            return None
-        return float(np.sqrt(np.mean([step.moved_px**2 for step in self.steps])))
-
     def surprise(self, ref_H_cur: Homography, time_ns: int) -> float:
         """How far a frame there is from its prediction, in units of what is usual; 0 where that is not known."""
         usual_px = self.usual_px(time_ns)

@@ -14,7 +14,7 @@ from stab_ros.estimation.rows import straightened
 from stab_ros.tracking.anchor import Anchor, AnchorFactory, Solve
 from stab_ros.tracking.anchor_pose import AT_REFERENCE, AnchorPose
 from stab_ros.tracking.frame_stamp import FrameStamp
-from stab_ros.tracking.frozen_blocks import CopiedShare
+from stab_ros.tracking.frozen_blocks import CopiedBlocks
 from stab_ros.tracking.ground import Ground
 from stab_ros.tracking.keyframes import Keyframes
 from stab_ros.tracking.motion import CameraMotion
@@ -64,7 +64,7 @@ class Session:
         self.ground = Ground(factory.allowed, static_map)
         self.motion = CameraMotion(reference.frame.size, np.eye(3), time_ns)
         self.parallax = Parallax(reference.frame.size)
-        self.rolling_shutter, self.copied = RollingShutter(), CopiedShare()
+        self.rolling_shutter, self.copied = RollingShutter(), CopiedBlocks()
         self.last_match: tuple[Correspondences, Fit | None] | None = None
         self._factory, self._registration = factory, Registration(config, self.reference.frame.size)
         self._strategy = self._strategy_of(anchor, config, factory)
@@ -261,11 +261,12 @@ class Session:
         """The answer of an accepted fit, from which the next frame is predicted."""
         self.motion = self.motion.then(fit.ref_H_cur, stamp.time_ns)
         self._registration = self._registration.after(fit)
+        self.copied.moved(self.motion.steps[-1].moved_px)
         size = self.reference.frame.size
         covariance = self.ground.covariance(self._strategy.anchor.pose.accumulated(fit, size), fit.ref_H_cur,
                                             stamp.time_ns)
         covariance = self.rolling_shutter.covariance(covariance, fit.ref_H_cur, fit.rows)
-        covariance = self.copied.covariance(covariance, fit.ref_H_cur, self.motion.per_frame_px)
+        covariance = self.copied.covariance(covariance, fit.ref_H_cur)
         return Track(State.TRACKED, stamp.index, stamp.stamp_ns, self.reference.frame.stamp_ns, self.reset_counter,
                      len(pairs), int(fit.inlier.sum()), fit.ref_H_cur, covariance, fit.rmse_px,
                      sigma_px(fit.ref_H_cur, covariance, size), rows=fit.rows, simpler_model=fit.model)
