@@ -15,7 +15,7 @@ from stab_ros.core.geometry import rms_distance
 
 FRAMES, SIZES = 34, ((320, 240), (480, 270))
 FLIGHTS = {  # kind and seed; those that once were far off, where there were any
-    "none": 1000, "osd": 127, "hot_pixels": 1002, "fixed_pattern": 1003, "dirt": 2004, "bars": 1005, "soft_bars": 2006,
+    "none": 1000, "osd": 127, "hot_pixels": 1002, "fixed_pattern": 1003, "dirt": 1004, "bars": 1005, "soft_bars": 2006,
     "vignette": 3007, "flakes": 3008, "garbage_first": 4009, "garbage_early": 1010, "frozen_previous": 45,
     "frozen_reference": 29, "late_overlay": 24, "fixed_camera": 1014, "jello": 1015, "legs": 4016, "repeated": 1017,
     "gusts": 1018, "cut": 3019,

@@ -104,7 +104,7 @@ def test_a_turn_that_the_reference_cannot_follow(reference: str) -> None:
 
 
 def test_features_are_found_anew_every_so_many_frames() -> None:
-    images = [picture() for _ in range(8)]
+    images = [picture(translation(0.5 * k, 0.3 * k)) for k in range(8)]
     sigma_px_ = sigmas(tracked(images, reference="updated", update_every=3))[1:]
     bases = np.round(sigma_px_ / sigma_px_[0])
     np.testing.assert_array_equal(bases, [1, 1, 1, 2, 2, 2, 3])

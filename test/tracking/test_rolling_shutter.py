@@ -91,7 +91,7 @@ def test_what_is_not_looked_for_stays() -> None:
     stabilizer = make_stabilizer({"rolling_shutter": "off"})
     tracks = tracked(stabilizer, 0.5)[1:]
     assert all(track.rows is None for track in tracks)
-    assert np.median([left_px(track, 0.5) for track in tracks]) > 0.3
+    assert np.median([left_px(track, 0.5) for track in tracks if track.tracked]) > 0.3  # the others are too uncertain
     assert stabilizer.swing is None
 
 
