@@ -25,7 +25,7 @@ _SIDE_PX = 2 * _RADIUS_PX + 1
 _EQUAL = 0.5  # of the pixels of a block. Noise of one grey level leaves 0.3, of half a level 0.5
 _MUCH_COPIED = 0.6  # of the tracked features, over some frames
 _RECENT_FRAMES, _LEAST_FRAMES = 48, 12
-_MOST_LAG_PX = 0.3  # a larger displacement changes a block so much that it is sent anew
+_MOST_LAG_PX = 0.2  # a larger displacement changes a block so much that it is sent anew
 _FORGETS = 8  # a tenth that is new more than halves the time
 _LEAST_STEPS, _STEP_RATE = 3, 0.05
 _REPEATED = 0.98  # a picture that is sent twice, or one without any noise
@@ -94,8 +94,8 @@ class CopiedBlocks:
 
         A copied block shows it where it was a frame ago, or where it was when most of the picture was new.
         """
-        lag_px2 = max(self._share, self._usual) * self._lag_px**2
-        return inflated(covariance, ref_H_cur, np.eye(2) * lag_px2 / 2)
+        lag_px = max(self._share, self._usual) * self._lag_px
+        return inflated(covariance, ref_H_cur, np.eye(2) * lag_px**2 / 2)
 
     @property
     def _lag_px(self) -> float:

@@ -60,7 +60,7 @@ def by_sift(reference: Gray, others: list[Gray]) -> list[Homography | None]:
 def test_every_frame_is_tracked(tracks: list[Track]) -> None:
     assert [track.state for track in tracks] == [State.TRACKED] * FRAMES
     sigma_px = [track.sigma_px for track in tracks if track.sigma_px is not None]
-    assert np.median(sigma_px) < 0.05
+    assert np.median(sigma_px) < 0.08  # a third of what is tracked was copied by the codec
     assert np.max(sigma_px) < 0.15  # in the first frame the water has not moved off yet
     assert tracks[-1].ref_H_cur is not None
     assert rms_distance(tracks[-1].ref_H_cur, np.eye(3), (1920, 1080)) > 1  # the camera did move
