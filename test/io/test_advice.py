@@ -16,6 +16,7 @@ from stab_ros.io.advice import (
     parallax,
     remarks,
     rolling_shutter,
+    simpler_model,
     to_try,
 )
 from stab_ros.tracking.ground_choice import CompetingHypothesis
@@ -64,6 +65,11 @@ def test_what_moves_with_the_camera_is_told_once_for_each_reference() -> None:
     assert rolling_shutter(Swing(71, 1.25)) == (
         "rolling shutter: the rows of 71 frames swing by up to 1.25 px; image_stabilized corrects it, homographies "
         "alone do not, sigma_px includes what they leave")
+
+
+def test_a_simpler_model_is_told_with_its_frames() -> None:
+    assert simpler_model(0) == ""
+    assert simpler_model(7).startswith("7 frames show ground on one side only, so a similarity took the place")
 
 
 def test_each_reason_is_told_once() -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from flights import SIZE, fly
 
+from stab_ros.core.geometry import sigma_px
 from stab_ros.core.types import Correspondences, Gray
 from stab_ros.parameters.engines import make_stabilizer
 from stab_ros.synthetic.flight import Flight, preset
-from stab_ros.tracking.frozen_blocks import FrozenBlocks, no_better
+from stab_ros.tracking.frozen_blocks import CopiedBlocks, FrozenBlocks, no_better
 
 BLOCK = 16
 
@@ -41,6 +43,60 @@ def test_frozen_matches_claim_no_more_than_the_others() -> None:
     pairs = Correspondences(np.arange(4), np.zeros((4, 2)), np.zeros((4, 2)), information)
     capped = no_better(pairs, np.array([True, False, False, True]))
     assert capped.information[:, 0, 0].tolist() == [250.0, 100.0, 400.0, 50.0]
+
+
+def lag_px(blocks: CopiedBlocks) -> float:
+    return sigma_px(np.eye(3), blocks.covariance(np.zeros((8, 8)), np.eye(3)), SIZE)
+
+
+def seen(blocks: CopiedBlocks, copied: int, step_px: float) -> None:
+    """A frame that lies `step_px` from the last one, with so many of ten features copied."""
+    blocks.add(np.arange(10) < copied, np.ones(10))
+    blocks.moved(step_px)
+
+
+def test_copied_blocks_lag_by_their_share_of_a_step() -> None:
+    blocks = CopiedBlocks()
+    for _ in range(5):
+        seen(blocks, 0, 0.1)
+    assert lag_px(blocks) == 0.0
+    seen(blocks, 5, 0.1)
+    assert lag_px(blocks) == pytest.approx(0.05)
+
+
+def test_while_all_is_copied_the_lag_grows() -> None:
+    blocks = CopiedBlocks()
+    for _ in range(5):
+        seen(blocks, 0, 0.1)
+    for _ in range(10):
+        seen(blocks, 10, 0.0)
+    assert lag_px(blocks) == pytest.approx(1.0)
+    seen(blocks, 0, 0.1)
+    assert lag_px(blocks) < 0.1
+
+
+def test_before_a_camera_that_stands_still_nothing_lags() -> None:
+    blocks = CopiedBlocks()
+    for _ in range(60):
+        seen(blocks, 9, 0.0)
+    assert lag_px(blocks) == 0.0
+    assert blocks.much == pytest.approx(0.9)
+
+
+def test_the_user_is_told_where_most_is_copied() -> None:
+    flight = Flight(preset("kolubara"), SIZE, 40)
+    plain, skipping = make_stabilizer({}), make_stabilizer({})
+    fly(plain, flight)
+    assert plain.copied_share is None
+    last: list[Gray] = []
+
+    def codec(number: int, image: Gray) -> Gray:
+        last[:] = [image if number % 6 == 0 else np.where(np.arange(SIZE[0]) < 0.9 * SIZE[0], last[0], image)]
+        return last[0].astype(np.uint8)
+
+    fly(skipping, flight, codec)
+    assert skipping.copied_share is not None
+    assert skipping.copied_share > 0.6
 
 
 def test_sigma_spans_what_copied_and_new_blocks_say() -> None:

@@ -37,6 +37,19 @@ def test_a_narrow_strip_supports_no_more_than_a_similarity(right: float, model: 
     assert rms_distance(fit.ref_H_cur, TURNED, SIZE) < 3 * sigma_px(fit.ref_H_cur, fit.covariance, SIZE)
 
 
+def test_after_a_tilt_a_strip_is_too_uncertain() -> None:
+    """What a similarity leaves out is as large as in the frames before."""
+    registration = Registration(StabilizerConfig(), SIZE)
+    tilted = TURNED + np.array([[0.0, 0, 0], [0, 0, 0], [5e-5, 3e-5, 0]])
+    pairs = matches(places(0, SIZE[0]), tilted, 0.15)
+    whole = registration.solve(pairs, np.eye(3), np.ones(len(pairs)), np.zeros(len(pairs), bool))
+    assert whole is not None
+    strip = matches(places(0, 0.06 * SIZE[0]), tilted, 0.15)
+    fit = registration.after(whole).solve(strip, np.eye(3), np.ones(len(strip)), np.zeros(len(strip), bool))
+    assert fit is not None
+    assert fit.model == ""
+
+
 def test_small_ground_among_much_that_disagrees_is_solid() -> None:
     at_px, weight = places(0, SIZE[0], 600), np.ones(600)
     ground = at_px[:, 0] < SIZE[0] / 8
