@@ -18,6 +18,7 @@ from stab_ros.tracking.feature_trust import FeatureTrust
 from stab_ros.tracking.frame_search import FrameSearch
 from stab_ros.tracking.frozen_blocks import FrozenBlocks
 from stab_ros.tracking.full_size_features import FullSizeFeatures
+from stab_ros.tracking.letterbox import within_bars
 from stab_ros.tracking.points import check_inside, check_used
 from stab_ros.tracking.relocation import OnGround, everywhere
 from stab_ros.tracking.sensor_fixed import InPlaceCheck
@@ -236,7 +237,8 @@ class AnchorFactory:
         kind = METHODS[self.method]
         named_px = pose.points_in_anchor(self.points_px)
         config = self.method_config or kind.Config()
-        return Anchor(gray, pose, kind(gray, pose.mask_in_anchor(self.allowed), config, named_px))
+        allowed = pose.mask_in_anchor(self.allowed) & within_bars(gray)
+        return Anchor(gray, pose, kind(gray, allowed, config, named_px))
 
     def reference(self, gray: Gray) -> Anchor:
         """The reference itself as the anchor.

@@ -17,6 +17,7 @@ from stab_ros.tracking.frame_stamp import FrameStamp
 from stab_ros.tracking.frozen_blocks import CopiedBlocks
 from stab_ros.tracking.ground import Ground
 from stab_ros.tracking.keyframes import Keyframes
+from stab_ros.tracking.letterbox import within_bars
 from stab_ros.tracking.motion import CameraMotion
 from stab_ros.tracking.parallax import Parallax
 from stab_ros.tracking.recovery import Recovery
@@ -107,7 +108,8 @@ class Session:
 
     def buffer(self, duration_ns: int, time_ns: int) -> bool:
         """Buffers the frames from here on, until it is known what is ground; whether there is anything to find out."""
-        start = StartBuffer(self.reference, self._factory.allowed, time_ns, duration_ns, self._seeks_rows)
+        allowed = self._factory.allowed & within_bars(self.reference.gray)
+        start = StartBuffer(self.reference, allowed, time_ns, duration_ns, self._seeks_rows)
         self.ground.buffer = start if start.useful else None
         return start.useful
 
