@@ -171,6 +171,8 @@ def _widened(trajectories: Trajectories, member: BoolArray, quarters: IdArray, l
         agrees = np.stack([_agreeing(trajectories, f, H, reach_px) for f, H in zip(quarters, fitted, strict=True)])
         member = left & agrees.all(axis=0)
     ref_H_cur = np.stack([_fitted(trajectories, f, member, threshold_px) for f in range(len(trajectories.shapes))])
+    if np.isnan(ref_H_cur[:, 0, 0]).all():
+        return None
     return Plane(left & persistent(trajectories, ref_H_cur, reach_px), ref_H_cur)
 
 

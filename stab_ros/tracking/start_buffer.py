@@ -188,14 +188,19 @@ class StartBuffer:
         return choose_ground(planes, seen, provisional)
 
     def _before_camera(self, straight: Straightened, seen: Observations, provisional: bool) -> Choice | None:
-        """The choice if part of the picture is fixed to the camera; None where nothing is, or the camera is at rest."""
-        fixed = self._fixed = self._sensor.features()
+        """The choice if part of the picture is fixed to the camera; None where nothing is, or the camera is at rest.
+
+        A plane that hardly moves while another one does goes with what is fixed: its features show the scene behind, too.
+        """
+        fixed = self._sensor.features()
         trajectories = straight.trajectories
         others = find_planes(trajectories, ~fixed, straight.threshold_px) if fixed.any() else []
-        if not any(_moves(plane, seen) for plane in others):
+        moving = [plane for plane in others if _moves(plane, seen)]
+        if not moving:
             return None
+        fixed = self._fixed = np.any([fixed, *(plane.member for plane in others if plane not in moving)], axis=0)
         at_rest = Plane(fixed, np.tile(np.eye(3), (len(trajectories.shapes), 1, 1)), at_rest=True)
-        planes = [*others, at_rest] if np.sum(fixed) >= LEAST_FEATURES else others
+        planes = [*moving, at_rest] if np.sum(fixed) >= LEAST_FEATURES else moving
         choice = choose_ground(planes, seen, provisional)
         return None if choice.ground is at_rest else choice
 

@@ -12,6 +12,8 @@ from lies.judge import GRAVE, LOST, judge, said_of
 from lies.render import render
 
 from stab_ros.core.geometry import rms_distance
+from stab_ros.core.types import Frame
+from stab_ros.parameters.engines import make_stabilizer
 
 FRAMES, SIZES = 34, ((320, 240), (480, 270))
 FLIGHTS = {  # kind and seed; those that once were far off, where there were any
@@ -31,6 +33,15 @@ def test_no_flight_is_far_off_in_silence(kind: str, seed: int) -> None:
     recipe = draw(seed, FRAMES, kind, SIZES)
     verdicts = judge(render(recipe), {})
     assert [verdict for verdict in verdicts if verdict.said == GRAVE] == [], recipe
+
+
+def test_a_group_of_features_that_makes_no_plane_is_left() -> None:
+    """There were features that agreed in a few frames and, all together, determined no homography in any."""
+    flight = render(draw(200015))
+    stabilizer = make_stabilizer({"threads": 1})
+    for number, shown in enumerate(flight.pictures[:36]):
+        stabilizer.answers(Frame(shown, "mono8", flight.stamp_ns(number)))
+    assert not stabilizer.buffering
 
 
 @pytest.mark.parametrize("texture", [texture for texture in TEXTURES if texture != "photo"])
