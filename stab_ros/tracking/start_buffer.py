@@ -190,7 +190,7 @@ class StartBuffer:
     def _before_camera(self, straight: Straightened, seen: Observations, provisional: bool) -> Choice | None:
         """The choice if part of the picture is fixed to the camera; None where nothing is, or the camera is at rest.
 
-        A plane that hardly moves while another one does goes with what is fixed: its features show the scene behind, too.
+        A plane that hardly moves while another one does goes with what is fixed: it shows the scene behind, too.
         """
         fixed = self._sensor.features()
         trajectories = straight.trajectories
