@@ -156,7 +156,8 @@ class Registration:
         """
         if not is_plausible(pose.in_anchor(fit.ref_H_cur), self.size):
             return LostReason.IMPLAUSIBLE
-        many = support.share >= self.config.min_inlier_share and not self._blurred(fit, pairs, trust)
+        agree = support.is_enough and support.share >= self.config.min_inlier_share
+        many = agree and not self._blurred(fit, pairs, trust)
         if fit.inlier.sum() < self.config.min_inliers or not (many or support.is_solid):
             return LostReason.FEW_INLIERS
         return LostReason.UNCERTAIN if self._too_uncertain(fit) else None

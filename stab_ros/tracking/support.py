@@ -11,6 +11,7 @@ from stab_ros.core.types import BoolArray, FloatArray
 _CELLS = (8, 6)  # across and down
 _LEAST_IN_CELL = 4.0
 _LEAST_SOLID = 24.0  # over wrong homographies it is 9 at most
+_ENOUGH, _HALF = 16.0, 0.5
 _SOLID = 0.5  # of the weight in a cell, and of that of all inliers
 
 
@@ -29,6 +30,11 @@ class Support:
     def share(self) -> float:
         """Of the expected features, in [0, 1]."""
         return self.agreeing / max(self.expected, 1.0)
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether so many agree that it is not by chance; of a few, half."""
+        return self.agreeing >= min(_ENOUGH, _HALF * self.expected)
 
     @property
     def is_solid(self) -> bool:

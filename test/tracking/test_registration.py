@@ -62,3 +62,11 @@ def test_as_many_that_agree_by_chance_all_over_are_not_solid() -> None:
     at_px, weight = places(0, SIZE[0], 600), np.ones(600)
     agrees = np.random.default_rng(5).random(600) < 0.13
     assert not support_of(at_px, weight, agrees, SIZE).is_solid
+
+
+@pytest.mark.parametrize(("expected", "agreeing", "enough"),
+                         [(600, 16, True), (60, 12, False), (10, 6, True), (10, 4, False)])
+def test_a_few_that_agree_are_not_enough(expected: int, agreeing: int, enough: bool) -> None:
+    at_px = places(0, SIZE[0], expected)
+    support = support_of(at_px, np.ones(expected), np.arange(expected) < agreeing, SIZE)
+    assert support.is_enough is enough
