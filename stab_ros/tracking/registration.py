@@ -27,7 +27,7 @@ _TILT = 0.001  # of the longer side, where nothing is known yet
 _TILT_DECAY = 0.98  # per frame
 _AGREES = 0.8  # of the inliers of the projective fit: with fewer, the view has tilted too far for the simple model
 _LEAST_NEW = 24.0  # matches that no codec has copied, to tell where the ground is by themselves
-_MANY_NEW = 0.3  # of the inliers: then the copied ones are not needed
+_MANY_NEW = 0.3  # of all weight: then the copied ones are not needed
 _MORE = 1.5  # times as many of those agree with each other as with all
 _KNOWN = 0.5  # of the squared distance between the fits, beyond the uncertainty of new ones
 
@@ -66,16 +66,15 @@ class Registration:
         """
         if not frozen.any():
             return self._fitted(pairs, guess, trust)
-        fit = self._fitted(no_better(pairs, frozen), guess, trust)
         new = self._fitted(pairs[~frozen], guess, trust[~frozen])
-        if fit is None or new is None:
+        new = None if new is None else replace(new, inlier=self._agreeing(pairs, new, frozen))
+        by_new = 0.0 if new is None else float(trust[new.inlier & ~frozen].sum())
+        if by_new > max(_LEAST_NEW, _MANY_NEW * float(trust.sum())):
+            return new
+        fit = self._fitted(no_better(pairs, frozen), guess, trust)
+        if fit is None or new is None or by_new < _LEAST_NEW:
             return fit
-        new = replace(new, inlier=self._agreeing(pairs, new, frozen))
-        by_all, by_new = (float(trust[one.inlier & ~frozen].sum()) for one in (fit, new))
-        if by_new < _LEAST_NEW:
-            return fit
-        many = by_new > _MANY_NEW * float(trust[fit.inlier].sum())
-        return new if many else self._reconciled(fit, new, by_new > _MORE * by_all)
+        return self._reconciled(fit, new, by_new > _MORE * float(trust[fit.inlier & ~frozen].sum()))
 
     def _agreeing(self, pairs: Correspondences, new: Fit, frozen: BoolArray) -> BoolArray:
         """(N,) bool: the inliers of a fit to the new pairs, and the copied ones that agree with it."""
