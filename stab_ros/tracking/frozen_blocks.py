@@ -22,6 +22,7 @@ from stab_ros.estimation.problem import strongest
 
 _RADIUS_PX = 8
 _SIDE_PX = 2 * _RADIUS_PX + 1
+_ROW_STEP = 4
 _EQUAL = 0.5  # of the pixels of a block. Noise of one grey level leaves 0.3, of half a level 0.5
 _MUCH_COPIED = 0.6  # of the tracked features, over some frames
 _RECENT_FRAMES, _LEAST_FRAMES = 48, 12
@@ -44,9 +45,9 @@ class FrozenBlocks:
     def find(self, gray: Gray) -> BoolArray:
         """(N,) bool: the features whose surroundings in a frame, (h, w) uint8, are copied."""
         found = np.zeros(len(self._corners), bool)
-        _mark_equal(gray, self._corners, self._reference, found)
+        _mark_equal(gray, self._corners, _ROW_STEP, self._reference, found)
         if self._last is not self._reference:
-            _mark_equal(gray, self._last_corners, self._last, found)
+            _mark_equal(gray, self._last_corners, _ROW_STEP, self._last, found)
         return found
 
     def remember(self, gray: Gray, at_px: FloatArray) -> None:
@@ -116,34 +117,32 @@ def no_better(pairs: Correspondences, frozen: BoolArray) -> Correspondences:
 
 
 def _windows(gray: Gray, corners: IdArray) -> Gray:
-    """(N, s, s) uint8 with the upper left corners (N, 2)."""
-    windows = np.empty((len(corners), _SIDE_PX, _SIDE_PX), np.uint8)
-    _copy(gray, corners, windows)
+    """(N, rows, s) uint8: every fourth row of the windows with the upper left corners (N, 2)."""
+    windows = np.empty((len(corners), len(range(0, _SIDE_PX, _ROW_STEP)), _SIDE_PX), np.uint8)
+    _copy(gray, corners, _ROW_STEP, windows)
     return windows
 
 
-@kernel((read(U8, 2), read(I64, 2), filled(U8, 3)))
-def _copy(gray: Gray, corners: IdArray, windows: Gray) -> None:
-    """Fills the windows (N, s, s) from their corners (N, 2)."""
-    side = windows.shape[1]
+@kernel((read(U8, 2), read(I64, 2), I64, filled(U8, 3)))
+def _copy(gray: Gray, corners: IdArray, step: int, windows: Gray) -> None:
+    """Fills the windows (N, rows, s) from their corners (N, 2)."""
+    _, rows, side = windows.shape
     for i in range(len(corners)):
         x, y = corners[i]
-        windows[i] = gray[y : y + side, x : x + side]
+        for row in range(rows):
+            windows[i, row] = gray[y + step * row, x : x + side]
 
 
-@kernel((read(U8, 2), read(I64, 2), read(U8, 3), filled(BOOL, 1)))
-def _mark_equal(gray: Gray, corners: IdArray, windows: Gray, found: BoolArray) -> None:
-    """Marks those of N windows (N, s, s) that the frame repeats at their corners (N, 2), by every other row."""
-    side = windows.shape[1]
-    most = int((1 - _EQUAL) * ((side + 1) // 2) * side)
+@kernel((read(U8, 2), read(I64, 2), I64, read(U8, 3), filled(BOOL, 1)))
+def _mark_equal(gray: Gray, corners: IdArray, step: int, windows: Gray, found: BoolArray) -> None:
+    """Marks those of N windows (N, rows, s) that the frame repeats at their corners (N, 2)."""
+    _, rows, side = windows.shape
+    least = int(np.ceil(_EQUAL * rows * side))
     for i in range(len(corners)):
         x, y = corners[i]
-        different = 0
-        for row in range(0, side, 2):
+        equal = 0
+        for row in range(rows):
             for column in range(side):
-                if gray[y + row, x + column] != windows[i, row, column]:
-                    different += 1
-            if different > most:
-                break
-        if different <= most:
+                equal += gray[y + step * row, x + column] == windows[i, row, column]
+        if equal >= least:
             found[i] = True
