@@ -22,7 +22,7 @@ from stab_ros.estimation.problem import strongest
 
 _RADIUS_PX = 8
 _SIDE_PX = 2 * _RADIUS_PX + 1
-_ROW_STEP = 4
+_ROW_STEP, _SOME = 4, 300
 _EQUAL = 0.5  # of the pixels of a block. Noise of one grey level leaves 0.3, of half a level 0.5
 _MUCH_COPIED = 0.6  # of the tracked features, over some frames
 _RECENT_FRAMES, _LEAST_FRAMES = 48, 12
@@ -43,11 +43,21 @@ class FrozenBlocks:
         self._last_corners, self._last = self._corners, self._reference
 
     def find(self, gray: Gray) -> BoolArray:
-        """(N,) bool: the features whose surroundings in a frame, (h, w) uint8, are copied."""
+        """(N,) bool: the features whose surroundings in a frame, (h, w) uint8, are copied.
+
+        None, where not one of some 300 is: then no codec copies.
+        """
         found = np.zeros(len(self._corners), bool)
-        _mark_equal(gray, self._corners, _ROW_STEP, self._reference, found)
+        some = np.arange(0, len(found), max(1, len(found) // _SOME))
+        if self._marked(gray, some, found).any():
+            self._marked(gray, np.arange(len(found)), found)
+        return found
+
+    def _marked(self, gray: Gray, which: IdArray, found: BoolArray) -> BoolArray:
+        """(N,) bool: `found`, with those of `which` (n,) marked that are copied."""
+        _mark_equal(gray, which, self._corners, _ROW_STEP, self._reference, found)
         if self._last is not self._reference:
-            _mark_equal(gray, self._last_corners, _ROW_STEP, self._last, found)
+            _mark_equal(gray, which, self._last_corners, _ROW_STEP, self._last, found)
         return found
 
     def remember(self, gray: Gray, at_px: FloatArray) -> None:
@@ -133,12 +143,12 @@ def _copy(gray: Gray, corners: IdArray, step: int, windows: Gray) -> None:
             windows[i, row] = gray[y + step * row, x : x + side]
 
 
-@kernel((read(U8, 2), read(I64, 2), I64, read(U8, 3), filled(BOOL, 1)))
-def _mark_equal(gray: Gray, corners: IdArray, step: int, windows: Gray, found: BoolArray) -> None:
-    """Marks those of N windows (N, rows, s) that the frame repeats at their corners (N, 2)."""
+@kernel((read(U8, 2), read(I64, 1), read(I64, 2), I64, read(U8, 3), filled(BOOL, 1)))
+def _mark_equal(gray: Gray, which: IdArray, corners: IdArray, step: int, windows: Gray, found: BoolArray) -> None:
+    """Marks those of the windows `which` (n,) of (N, rows, s) that the frame repeats at their corners (N, 2)."""
     _, rows, side = windows.shape
     least = int(np.ceil(_EQUAL * rows * side))
-    for i in range(len(corners)):
+    for i in which:
         x, y = corners[i]
         equal = 0
         for row in range(rows):
