@@ -82,8 +82,7 @@ def stabilize(job: Job, progress: Progress, compiling: Compiler = compile_kernel
                          partial(read_again, job.source, job.image_topic, job.fps, job.limit))
         warnings = (*_replaced(source, outputs.bag.replaced), *source.warnings, *_unused(source, counts),
                     *_remarks(source, stabilizer), *_lost(source, counts, stabilizer.reference))
-    said = [advice.simpler_model(counts.simpler)] if counts.simpler else []
-    notes = tuple(f"{source.name}: {note}" for note in (*counts.notes, *said))
+    notes = tuple(f"{source.name}: {note}" for note in (*counts.notes, advice.simpler_model(counts.simpler)) if note)
     return Stabilization(counts.frames, counts.lost, time.monotonic() - started_s, warnings, notes)
 
 
@@ -130,10 +129,9 @@ def _unused(source: Source, counts: Counts) -> list[str]:
 
 def _remarks(source: Source, stabilizer: Stabilizer) -> list[str]:
     """Reasons why the answers may be wrong."""
-    given_up = advice.given_up(stabilizer.given_up)
     found = advice.remarks(stabilizer.competing_hypothesis, stabilizer.relief, stabilizer.swing,
                           stabilizer.copied_share)
-    return [f"{source.name}: {remark}" for remark in ([given_up, *found] if given_up else found)]
+    return [f"{source.name}: {remark}" for remark in (advice.given_up(stabilizer.given_up), *found) if remark]
 
 
 def _lost(source: Source, counts: Counts, reference: Frame | None) -> list[str]:

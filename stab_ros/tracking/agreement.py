@@ -35,7 +35,7 @@ def motion(current_px: FloatArray, anchor_px: FloatArray, threshold_px: float, r
         threshold_px: largest distance of one that agrees.
         reach_px2: area within which a wrong match lies anywhere with the same probability.
     """
-    found = _similarity(current_px, anchor_px, threshold_px)
+    found = similarity(current_px, anchor_px, threshold_px, _LEAST_AGREEING, _MOST_SAMPLES)
     if found is None:
         return None
     H, agrees = found
@@ -64,14 +64,14 @@ def _log_binomial(n: int, k: int) -> float:
     return math.lgamma(n + 1) - math.lgamma(k + 1) - math.lgamma(n - k + 1)
 
 
-def _similarity(current_px: FloatArray, anchor_px: FloatArray,
-                threshold_px: float) -> tuple[Homography, BoolArray] | None:
-    """The similarity that most matches agree on, and (N,) bool: these; None where too few do."""
-    if len(current_px) < _LEAST_AGREEING:
+def similarity(current_px: FloatArray, anchor_px: FloatArray, threshold_px: float, least: int,
+               most_samples: int) -> tuple[Homography, BoolArray] | None:
+    """The similarity that most of N matches agree on, and (N,) bool: these; None where fewer than `least` do."""
+    if len(current_px) < least:
         return None
-    affine, agrees = cv2.estimateAffinePartial2D(current_px, anchor_px, method=cv2.RANSAC, maxIters=_MOST_SAMPLES,
+    affine, agrees = cv2.estimateAffinePartial2D(current_px, anchor_px, method=cv2.RANSAC, maxIters=most_samples,
                                                  ransacReprojThreshold=threshold_px)
-    if affine is None or not np.isfinite(affine).all() or agrees.sum() < _LEAST_AGREEING:
+    if affine is None or not np.isfinite(affine).all() or agrees.sum() < least:
         return None
     return np.vstack([affine, [0.0, 0.0, 1.0]]), agrees.ravel().astype(bool)
 

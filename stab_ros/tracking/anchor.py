@@ -237,8 +237,11 @@ class AnchorFactory:
         kind = METHODS[self.method]
         named_px = pose.points_in_anchor(self.points_px)
         config = self.method_config or kind.Config()
-        allowed = pose.mask_in_anchor(self.allowed) & within_bars(gray)
-        return Anchor(gray, pose, kind(gray, allowed, config, named_px))
+        return Anchor(gray, pose, kind(gray, self.allowed_in(gray, pose), config, named_px))
+
+    def allowed_in(self, gray: Gray, pose: AnchorPose) -> BoolArray:
+        """(h, w) bool: where features may lie in a frame, (h, w) uint8, at a pose."""
+        return pose.mask_in_anchor(self.allowed) & within_bars(gray)
 
     def reference(self, gray: Gray) -> Anchor:
         """The reference itself as the anchor.

@@ -21,6 +21,7 @@ from stab_ros.estimation import estimators
 from stab_ros.methods import spread
 from stab_ros.methods.direct import DirectConfig
 from stab_ros.methods.patches import Patches, cut_patches, measure_patches
+from stab_ros.tracking import agreement
 from stab_ros.tracking.frame_search import FrameSearch
 from stab_ros.tracking.frozen_blocks import FrozenBlocks
 from stab_ros.tracking.full_size_features import FullSizeFeatures
@@ -38,6 +39,7 @@ _FAR_PX = 3.0  # more than the flow is ever off
 _SHAPE_PX, _EXACT_SHAPE_PX = 3.0, 1.0  # by the flow, and by the templates
 _APART_PX, _APART_SHARE = 4.0, 0.002  # of the width: what a similarity leaves of a tilt from frame to frame
 _TOGETHER, _LEAST_TOGETHER = 0.25, 12  # of the features that match their templates
+_MOST_SAMPLES = 2000  # of RANSAC
 _SEARCH_PX = 128  # in the reference, for a frame that no flow leads to
 _JUMP = 0.05  # of the width, from one frame to the next
 _EXCURSION, _TIMES_USUAL, _TIMES_APART = 0.03, 8.0, 4.0  # of the width; the median step; from before it to after it
@@ -280,14 +282,11 @@ def _common_motion(before_px: FloatArray, at_px: FloatArray, found: BoolArray,
                    apart_px: float) -> tuple[Homography, BoolArray]:
     """The similarity by which most of the features that were found have moved, and (N,) bool: these."""
     together = np.zeros(len(found), bool)
-    if found.sum() < _LEAST_TOGETHER:
+    most = agreement.similarity(before_px[found], at_px[found], apart_px, _LEAST_TOGETHER, _MOST_SAMPLES)
+    if most is None:
         return np.eye(3), together
-    affine, agrees = cv2.estimateAffinePartial2D(before_px[found], at_px[found], method=cv2.RANSAC,
-                                                 ransacReprojThreshold=apart_px)
-    if affine is None or agrees.sum() < _LEAST_TOGETHER:
-        return np.eye(3), together
-    together[found] = agrees.ravel().astype(bool)
-    return np.vstack([affine, [0.0, 0.0, 1.0]]), together
+    cur_H_before, together[found] = most
+    return cur_H_before, together
 
 
 def _flowed(first: Gray, second: Gray, from_px: FloatArray, start_px: FloatArray) -> tuple[FloatArray, BoolArray]:

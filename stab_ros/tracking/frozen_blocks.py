@@ -75,7 +75,7 @@ class CopiedBlocks:
 
     def __init__(self) -> None:
         self._recent: deque[float] = deque(maxlen=_RECENT_FRAMES)
-        self._most = self._share = self._usual = 0.0
+        self._most = self._share = 0.0
         self._held = 0.0  # frames since most was new
         self._steps, self._step_px2 = 0, 0.0  # from frame to frame: their number and mean square
 
@@ -90,7 +90,6 @@ class CopiedBlocks:
         self._held = self._share**_FORGETS * (self._held + 1)
         if self._share < _REPEATED:
             self._recent.append(self._share)
-        self._usual = float(np.mean(self._recent)) if self._recent else 0.0
         if len(self._recent) >= _LEAST_FRAMES:
             self._most = max(self._most, self._usual)
 
@@ -107,6 +106,10 @@ class CopiedBlocks:
         """
         lag_px = max(self._share, self._usual) * self._lag_px
         return inflated(covariance, ref_H_cur, np.eye(2) * lag_px**2 / 2)
+
+    @property
+    def _usual(self) -> float:
+        return float(np.mean(self._recent)) if self._recent else 0.0
 
     @property
     def _lag_px(self) -> float:

@@ -78,8 +78,7 @@ class Registration:
 
     def _agreeing(self, pairs: Correspondences, new: Fit, frozen: BoolArray) -> BoolArray:
         """(N,) bool: the inliers of a fit to the new pairs, and the copied ones that agree with it."""
-        off_px = np.hypot(*(apply(new.ref_H_cur, pairs.current_px) - pairs.reference_px).T)
-        agreeing = frozen & (off_px < self.threshold_px)
+        agreeing = frozen & (_off_px(new, pairs) < self.threshold_px)
         agreeing[~frozen] = new.inlier
         return np.asarray(agreeing)
 
@@ -144,7 +143,7 @@ class Registration:
         """
         if not METHODS[self.config.method].seeks_all:
             return False
-        off_px = np.hypot(*(apply(fit.ref_H_cur, pairs.current_px) - pairs.reference_px)[trust > TRUSTED].T)
+        off_px = _off_px(fit, pairs[trust > TRUSTED])
         return len(off_px) > 0 and float(np.median(off_px)) > self.scatter * _MOST_MEDIAN_PX
 
     def rejected(self, fit: Fit, pose: AnchorPose, pairs: Correspondences, trust: FloatArray,
@@ -160,3 +159,8 @@ class Registration:
         if fit.inlier.sum() < self.config.min_inliers or not (many or support.is_solid):
             return LostReason.FEW_INLIERS
         return LostReason.UNCERTAIN if self._too_uncertain(fit) else None
+
+
+def _off_px(fit: Fit, pairs: Correspondences) -> FloatArray:
+    """(N,) px: how far each pair lies off the fit, reference side."""
+    return np.asarray(np.hypot(*(apply(fit.ref_H_cur, pairs.current_px) - pairs.reference_px).T))

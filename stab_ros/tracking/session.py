@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -17,7 +18,6 @@ from stab_ros.tracking.frame_stamp import FrameStamp
 from stab_ros.tracking.frozen_blocks import CopiedBlocks
 from stab_ros.tracking.ground import Ground
 from stab_ros.tracking.keyframes import Keyframes
-from stab_ros.tracking.letterbox import within_bars
 from stab_ros.tracking.motion import CameraMotion
 from stab_ros.tracking.parallax import Parallax
 from stab_ros.tracking.recovery import Recovery
@@ -81,6 +81,8 @@ class Session:
         """The answer to a frame, (h, w) uint8: by the first guess that registers it as usual, else the best."""
         attempts: list[_Attempt] = []
         for anchor, guess in self._recovery.guesses(self._strategy, self.motion, gray, stamp.time_ns):
+            if all(anchor is not one.anchor for one in attempts):
+                anchor.look(gray)
             attempts.append(self._attempt(anchor, gray, guess))
             if attempts[-1].share > _USUAL * self._usual_share:
                 break
@@ -91,7 +93,7 @@ class Session:
             self._note_share(best.share)
             return self._accepted(stamp, best.anchor, gray, best.pairs, best.fit)
         self.motion = self.motion.standing()
-        reason = max((one.rejected for one in attempts if one.rejected is not None), key=list(LostReason).index)
+        reason = reduce(LostReason.or_further, (one.rejected for one in attempts if one.rejected is not None))
         return self.lost(stamp, _or_flat(reason, is_textured(gray)), len(attempts[-1].pairs))
 
     def first(self, stamp: FrameStamp) -> Track:
@@ -108,7 +110,7 @@ class Session:
 
     def buffer(self, duration_ns: int, time_ns: int) -> bool:
         """Buffers the frames from here on, until it is known what is ground; whether there is anything to find out."""
-        allowed = self._factory.allowed & within_bars(self.reference.gray)
+        allowed = self._factory.allowed_in(self.reference.gray, AT_REFERENCE)
         start = StartBuffer(self.reference, allowed, time_ns, duration_ns, self._seeks_rows)
         self.ground.buffer = start if start.useful else None
         return start.useful
@@ -192,7 +194,6 @@ class Session:
 
     def _register(self, anchor: Anchor, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
         """Matches and a fit to them, with displacements of the rows where they swing."""
-        anchor.look(gray)
         chains, swings = self._strategy.chains, self._seeks_rows and self.rolling_shutter.known
         match = self._by_rows.near(anchor, gray, guess, chains) if swings else None
         if match is not None:
