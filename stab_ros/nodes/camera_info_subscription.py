@@ -35,8 +35,14 @@ class CameraInfoSubscription:
         self.topic = self._input.topic
 
     def restore(self, message: bytes) -> None:
-        """The camera of a reference that an earlier run saved. Raises MessageError for a damaged message."""
-        self.camera, self.message, self.locked = read_camera(message), message, True
+        """The camera of a reference that an earlier run saved; it stays, whatever has been told before.
+
+        Raises MessageError for a damaged message.
+        """
+        told, self.camera = self.camera, read_camera(message)
+        self.message, self.locked = message, True
+        if told is not None and not _equal(told, self.camera):
+            self._warn_of_change()
 
     def refresh(self) -> None:
         """Follows the publishers' QoS."""
@@ -51,11 +57,14 @@ class CameraInfoSubscription:
         if self.camera is not None and _equal(camera, self.camera):
             return
         if self.locked:
-            self._logger.warning(f"{self.topic} has changed, the camera that took the reference is kept",
-                                 throttle_duration_sec=_WARN_EVERY_S)
+            self._warn_of_change()
             return
         self.camera, self.message = camera, cdr
         self._changed()
+
+    def _warn_of_change(self) -> None:
+        self._logger.warning(f"{self.topic} has changed, the camera that took the reference is kept",
+                             throttle_duration_sec=_WARN_EVERY_S)
 
 
 def _equal(a: Camera, b: Camera) -> bool:
