@@ -3,7 +3,8 @@
 Motion alone does not tell: a camera that drifts with the water sees what a camera that hovers over the ground sees.
 So each pair of planes is compared by
 
-1. persistence: ground keeps its texture; the share of inliers among the features in a plane's Voronoi cells,
+1. persistence: ground keeps its texture; the share of inliers among the features in a plane's Voronoi cells, of those
+   that have the texture that most of a plane have: what is weaker is lost to noise, on banks and on water alike,
 2. spread: banks lie on either side of the water; the share of the other plane's features inside the convex hull of this
    plane's features,
 3. drift: a hovering camera moves little; how far each plane moved during the start-up,
@@ -73,9 +74,12 @@ class Choice:
 
 @dataclass(frozen=True, eq=False)
 class Observations:
-    """reference_px: (N, 2) of all features. size: width, height, px. elapsed_s: (F,), since the reference."""
+    """reference_px, power: (N, 2) and (N,), of all features: where they are, and of `Patches`. size: width, height, px.
+    elapsed_s: (F,), since the reference.
+    """
 
     reference_px: FloatArray
+    power: FloatArray
     size: tuple[int, int]
     elapsed_s: FloatArray
 
@@ -103,12 +107,14 @@ def choose_ground(planes: list[Plane], seen: Observations, provisional: bool = F
 class _Cues:
     """Cues of one plane.
 
-    persistence: share of inliers in its Voronoi cells. hull, features_px: (n, 2). drift_px: at the end of the start-up.
+    power: (n,) of its features. lost_power: (m,) of those that were lost in its Voronoi cells. hull, features_px: (n, 2).
+    drift_px: at the end of the start-up.
     width_px: of the image. elapsed_s: length of the start-up. at_rest: of `Plane`. motion: log odds that it moves as
     the scene does before a camera, and not as water. scattered: log odds that it is scattered over the scene.
     """
 
-    persistence: float
+    power: FloatArray
+    lost_power: FloatArray
     hull: FloatArray
     features_px: FloatArray
     drift_px: float
@@ -124,9 +130,15 @@ class _Cues:
 
     def odds_without_drift(self, other: _Cues) -> float:
         """The same by all cues but drift."""
-        return (_PERSISTENCE * math.log(self.persistence / other.persistence)
+        least_power = min(float(np.median(self.power)), float(np.median(other.power)))
+        return (_PERSISTENCE * math.log(self._persistence(least_power) / other._persistence(least_power))
                 + _SIZE * math.log(len(self.features_px) / len(other.features_px))
                 + (self._spread(other) if self.at_rest is other.at_rest else self._motion(other)))
+
+    def _persistence(self, least_power: float) -> float:
+        """Share of the features with so much power that were not lost, as Laplace estimates it from few."""
+        kept, lost = np.sum(self.power >= least_power), np.sum(self.lost_power >= least_power)
+        return float((kept + 1) / (kept + lost + 2))
 
     def _spread(self, other: _Cues) -> float:
         return _SPREAD * (_enclosed(other.features_px, self.hull) - _enclosed(self.features_px, other.hull))
@@ -154,12 +166,12 @@ def drift_px(ref_H_cur: Homography, size: tuple[int, int]) -> float:
 
 def _cues(planes: list[Plane], seen: Observations) -> list[_Cues]:
     found = []
-    for plane, persistence in zip(planes, _persistences(planes, seen), strict=True):
+    for plane, lost in zip(planes, _lost_beside(planes, seen), strict=True):
         features_px = seen.reference_px[plane.member]
         hull = np.asarray(cv2.convexHull(features_px.astype(np.float32)).reshape(-1, 2))
-        found.append(_Cues(persistence, hull, features_px, drift_px(plane.last, seen.size), seen.size[0],
-                           float(seen.elapsed_s[-1]), plane.at_rest, _motion_odds(plane, seen),
-                           _scattered_odds(plane, seen)))
+        found.append(_Cues(seen.power[plane.member], seen.power[lost], hull, features_px,
+                           drift_px(plane.last, seen.size), seen.size[0], float(seen.elapsed_s[-1]), plane.at_rest,
+                           _motion_odds(plane, seen), _scattered_odds(plane, seen)))
     return found
 
 
@@ -205,14 +217,14 @@ def _share_near(points: FloatArray, others: FloatArray, within_px: float) -> flo
     return float(np.mean(np.hypot(*(points - nearest).T) < within_px))
 
 
-def _persistences(planes: list[Plane], seen: Observations) -> list[float]:
-    """The share of inliers among all features in the Voronoi cells of each plane's inliers."""
+def _lost_beside(planes: list[Plane], seen: Observations) -> list[IdArray]:
+    """For each plane, which of the features that are on no plane lie in the Voronoi cells of its own."""
     owner = np.full(len(seen.reference_px), -1)
     for k, plane in enumerate(planes):
         owner[plane.member] = k
-    lost, kept = seen.reference_px[owner < 0], seen.reference_px[owner >= 0]
-    outliers = np.bincount(owner[owner >= 0][_nearest(lost, kept)], minlength=len(planes))
-    return [len(plane) / (len(plane) + int(n)) for plane, n in zip(planes, outliers, strict=True)]
+    lost, kept = np.flatnonzero(owner < 0), np.flatnonzero(owner >= 0)
+    beside = owner[kept][_nearest(seen.reference_px[lost], seen.reference_px[kept])]
+    return [lost[beside == k] for k in range(len(planes))]
 
 
 def _nearest(points: FloatArray, others: FloatArray) -> IdArray:

@@ -177,7 +177,7 @@ class StartBuffer:
     def _choice(self, straight: Straightened, provisional: bool) -> Choice:
         trajectories = straight.trajectories
         elapsed_s = (np.array([stamp.time_ns for stamp in self._stamps]) - self._start_ns) / 1e9
-        seen = Observations(trajectories.reference_px, self._size, elapsed_s)
+        seen = Observations(trajectories.reference_px, self._tracks.patches.power, self._size, elapsed_s)
         before_camera = self._before_camera(straight, seen, provisional)
         if before_camera is not None:
             return before_camera

@@ -35,6 +35,12 @@ def test_no_flight_is_far_off_in_silence(kind: str, seed: int) -> None:
     assert [verdict for verdict in verdicts if verdict.said == GRAVE] == [], recipe
 
 
+def test_water_with_more_texture_than_the_bank_is_not_taken_for_ground() -> None:
+    """In fog the bank's features are lost to noise, but for a few; it seemed not to keep its texture."""
+    verdicts = judge(render(draw(300139, FRAMES)), {})
+    assert [verdict for verdict in verdicts if verdict.said == GRAVE] == []
+
+
 def test_a_group_of_features_that_makes_no_plane_is_left() -> None:
     """There were features that agreed in a few frames and, all together, determined no homography in any."""
     flight = render(draw(200015))
