@@ -74,9 +74,7 @@ class Choice:
 
 @dataclass(frozen=True, eq=False)
 class Observations:
-    """reference_px, power: (N, 2) and (N,), of all features: where they are, and of `Patches`. size: width, height, px.
-    elapsed_s: (F,), since the reference.
-    """
+    """reference_px: (N, 2) of all features. power: (N,) as of `Patches`. size: width, height, px. elapsed_s: (F,)."""
 
     reference_px: FloatArray
     power: FloatArray
@@ -107,8 +105,8 @@ def choose_ground(planes: list[Plane], seen: Observations, provisional: bool = F
 class _Cues:
     """Cues of one plane.
 
-    power: (n,) of its features. lost_power: (m,) of those that were lost in its Voronoi cells. hull, features_px: (n, 2).
-    drift_px: at the end of the start-up.
+    power: (n,) of its features. lost_power: (m,) of those that were lost in its Voronoi cells.
+    hull, features_px: (n, 2). drift_px: at the end of the start-up.
     width_px: of the image. elapsed_s: length of the start-up. at_rest: of `Plane`. motion: log odds that it moves as
     the scene does before a camera, and not as water. scattered: log odds that it is scattered over the scene.
     """
