@@ -41,6 +41,12 @@ def test_water_with_more_texture_than_the_bank_is_not_taken_for_ground() -> None
     assert [verdict for verdict in verdicts if verdict.said == GRAVE] == []
 
 
+def test_water_is_not_taken_for_ground_when_the_view_is_cut_within_the_start() -> None:
+    """Hardly any feature was seen both before and after, so there was no plane, and what moved together was water."""
+    verdicts = judge(render(draw(400096, 40)), {})
+    assert [verdict for verdict in verdicts if verdict.said == GRAVE] == []
+
+
 def test_a_group_of_features_that_makes_no_plane_is_left() -> None:
     """There were features that agreed in a few frames and, all together, determined no homography in any."""
     flight = render(draw(200015))
