@@ -43,7 +43,7 @@ def test_water_with_more_texture_than_the_bank_is_not_taken_for_ground() -> None
 
 def test_water_is_not_taken_for_ground_when_the_view_is_cut_within_the_start() -> None:
     """Hardly any feature was seen both before and after, so there was no plane, and what moved together was water."""
-    verdicts = judge(render(draw(400096, 40)), {})
+    verdicts = judge(render(draw(400096, 60)), {})
     assert [verdict for verdict in verdicts if verdict.said == GRAVE] == []
 
 
