@@ -6,13 +6,14 @@ from enum import Enum
 
 import numpy as np
 
-from stab_ros.core.geometry import normalized, shift
+from stab_ros.core.geometry import inflated, normalized, shift
 from stab_ros.core.types import FloatArray, Homography
 from stab_ros.tracking.ground_choice import CompetingHypothesis, drift_odds, drift_px
 from stab_ros.tracking.static_map import StaticMap
 
 _PATIENCE_S = 3.0  # from the reference on, before anything is decided
-_DECIDED = 1.5  # logarithm of the odds
+_DECIDED = 1.65  # logarithm of the odds, as at the start
+_AT_REST_PX = 5.0
 
 
 class Verdict(Enum):
@@ -35,14 +36,18 @@ class Ambiguity:
         """Covariance (8, 8) of h00 .. h21: one sigma is how far apart the two hypotheses place the frame."""
         x, y = self._apart_px(time_ns)
         change = np.concatenate([x * ref_H_cur[2], y * ref_H_cur[2], np.zeros(2)])
-        return np.asarray(np.outer(change, change))
+        return inflated(np.outer(change, change), ref_H_cur, np.eye(2) * self.other.sway_px**2 / 2)
 
     def weigh(self, ref_H_cur: Homography, time_ns: int) -> Verdict:
-        """By how far each plane has drifted until now; the other cues stay as they were."""
+        """By how far each plane has drifted until now; the other cues stay as they were.
+
+        What is fixed to the camera never drifts, so that is no evidence for a plane that is still at rest in the image.
+        """
         elapsed_s = self._elapsed_s(time_ns)
-        if elapsed_s < _PATIENCE_S:
-            return Verdict.OPEN
         chosen_px, other_px = (drift_px(H, self._size) for H in (ref_H_cur, self.by_other(ref_H_cur, time_ns)))
+        resting = self.other.overlaid and (other_px if self.other.plane.at_rest else chosen_px) < _AT_REST_PX
+        if elapsed_s < _PATIENCE_S or resting:
+            return Verdict.OPEN
         odds = self.other.odds_without_drift + drift_odds(chosen_px, other_px, self._size[0], elapsed_s)
         if odds > _DECIDED:
             return Verdict.SETTLED

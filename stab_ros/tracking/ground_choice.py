@@ -4,7 +4,7 @@ Motion alone does not tell: a camera that drifts with the water sees what a came
 So each pair of planes is compared by
 
 1. persistence: ground keeps its texture; the share of inliers among the features in a plane's Voronoi cells, of those
-   that have the texture that most of a plane have: what is weaker is lost to noise, on banks and on water alike,
+   that have as much texture as most of either plane: weaker ones are lost to noise, on banks and on water alike,
 2. spread: banks lie on either side of the water; the share of the other plane's features inside the convex hull of this
    plane's features,
 3. drift: a hovering camera moves little; how far each plane moved during the start-up,
@@ -38,6 +38,7 @@ _MOTION, _MOST_BY_MOTION = 1.5, 3.0
 _SCATTERED = 4.0
 _BESIDE = 1.6  # times the mean distance of the features
 _AMBIGUOUS = 1.65  # odds of 5 to 1, more than drift and size alone can give
+_CAUTION = 1.0
 _APART_PX = 1.0  # planes that separate by less make no difference
 _UNSTEADY = 0.3  # largest share of the separation that is not in proportion to time
 _LEAST_SHARE = 0.05  # of the features of both planes, for a competing hypothesis
@@ -53,6 +54,8 @@ class CompetingHypothesis:
     share: of the features of both planes, in [0, 1]. rate_px: (x, y) px/s, velocity of this plane in the reference
     while the chosen one stands still. ground_drift_px, drift_px: (x, y) px/s, velocity of the chosen plane and of this
     one in the image. odds: log odds of the chosen plane against this one; odds_without_drift: by all cues but drift.
+    sway_px: RMS of what is not steady in its motion against the chosen plane. overlaid: whether one of the two has not
+    moved in the image, so that it can be fixed to the camera.
     """
 
     plane: Plane
@@ -62,6 +65,8 @@ class CompetingHypothesis:
     drift_px: Rate
     odds: float
     odds_without_drift: float
+    sway_px: float = 0.0
+    overlaid: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,11 +99,21 @@ def choose_ground(planes: list[Plane], seen: Observations, provisional: bool = F
     """
     cues = _cues(planes, seen)
     odds = np.array([[a.odds_against(b) for b in cues] for a in cues])
-    best = int(np.argmax(np.min(odds, axis=1)))
+    best = int(np.argmax(np.min(odds - _cautions(planes), axis=1)))
     others = [k for k in np.argsort(odds[best]).tolist() if k != best]  # the most likely one first
     certain = math.inf if provisional else _AMBIGUOUS
     found = (_competing(planes[best], planes[k], cues[best], cues[k], seen, certain) for k in others)
     return Choice(planes[best], next((other for other in found if other is not None), None))
+
+
+def _cautions(planes: list[Plane]) -> FloatArray:
+    """(n, n) log odds that a plane at rest needs against one that moves.
+
+    If that is water, the uncertainty spans both. If it is not, the other one is an overlay, and nothing would tell once
+    the view moves.
+    """
+    at_rest = np.array([plane.at_rest for plane in planes])
+    return np.asarray(_CAUTION * (at_rest[:, None] & ~at_rest))
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,10 +143,15 @@ class _Cues:
 
     def odds_without_drift(self, other: _Cues) -> float:
         """The same by all cues but drift."""
-        least_power = min(float(np.median(self.power)), float(np.median(other.power)))
-        return (_PERSISTENCE * math.log(self._persistence(least_power) / other._persistence(least_power))
+        return (_PERSISTENCE * self._persistence_odds(other)
                 + _SIZE * math.log(len(self.features_px) / len(other.features_px))
                 + (self._spread(other) if self.at_rest is other.at_rest else self._motion(other)))
+
+    def _persistence_odds(self, other: _Cues) -> float:
+        """Log ratio of both planes' persistence, among features of equal texture unless one is an overlay."""
+        overlaid = self.at_rest is not other.at_rest
+        least_power = 0.0 if overlaid else max(float(np.median(self.power)), float(np.median(other.power)))
+        return math.log(self._persistence(least_power) / other._persistence(least_power))
 
     def _persistence(self, least_power: float) -> float:
         """Share of the features with so much power that were not lost, as Laplace estimates it from few."""
@@ -205,8 +225,7 @@ def _sway_px(plane: Plane, seen: Observations) -> float:
     known = np.flatnonzero(~np.isnan(plane.ref_H_cur[:, 0, 0]))
     centre = seen.reference_px[plane.member].mean(axis=0)[None]
     away_px = np.array([apply(np.linalg.inv(plane.ref_H_cur[f]), centre)[0] for f in known]) - centre
-    steady_px = seen.elapsed_s[known, None] * np.array(_rate(seen.elapsed_s[known], away_px))
-    return float(np.sqrt(np.mean(np.sum((away_px - steady_px) ** 2, axis=1))))
+    return _unsteady_px(seen.elapsed_s[known], away_px)
 
 
 def _share_near(points: FloatArray, others: FloatArray, within_px: float) -> float:
@@ -250,15 +269,18 @@ def _competing(chosen: Plane, other: Plane, cues: _Cues, of_other: _Cues, seen: 
     away_px = np.array([apply(chosen.ref_H_cur[f], at[None])[0] for f, at in zip(both, other_px, strict=True)]) - centre
     elapsed_s = seen.elapsed_s[both]
     rate, ground_drift, drift = (_rate(elapsed_s, far) for far in (away_px, ground_px - centre, other_px - centre))
-    if np.abs(away_px).max(initial=0) < _APART_PX or not _is_steady(elapsed_s, away_px, rate):
-        return None
-    return CompetingHypothesis(other, share, rate, ground_drift, drift, odds, cues.odds_without_drift(of_other))
+    sway_px, overlaid = _unsteady_px(elapsed_s, away_px), chosen.at_rest is not other.at_rest
+    steady = sway_px < _UNSTEADY * float(np.sqrt(np.mean(np.sum(away_px**2, axis=1))))
+    if np.abs(away_px).max(initial=0) < _APART_PX or not (steady or overlaid):
+        return None  # water moves off steadily; blur shifts edges, too, but they stay where they are
+    return CompetingHypothesis(other, share, rate, ground_drift, drift, odds, cues.odds_without_drift(of_other),
+                               sway_px, overlaid)
 
 
-def _is_steady(elapsed_s: FloatArray, away_px: FloatArray, rate: Rate) -> bool:
-    """Whether a plane moves off steadily, as water does; blur shifts edges, too, but they stay where they are."""
-    unsteady = away_px - elapsed_s[:, None] * np.array(rate)
-    return bool(np.sum(unsteady**2) < _UNSTEADY**2 * np.sum(away_px**2))
+def _unsteady_px(elapsed_s: FloatArray, away_px: FloatArray) -> float:
+    """RMS distance of (n, 2) px after (n,) s from the steady motion that fits them best."""
+    unsteady = away_px - elapsed_s[:, None] * np.array(_rate(elapsed_s, away_px))
+    return float(np.sqrt(np.mean(np.sum(unsteady**2, axis=1))))
 
 
 def _rate(elapsed_s: FloatArray, away_px: FloatArray) -> Rate:

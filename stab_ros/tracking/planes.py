@@ -23,7 +23,7 @@ THRESHOLD_PX = 0.6
 _OCTAVES = 3  # samples are ranked by the threshold, its half and its quarter: two planes must not pass for one
 _SCATTERS = 4.0  # the features of a plane lie within so many times their median distance from it
 _QUARTERS = 4
-_RICH = 0.5  # of the features that the best frame shows
+_RICH, _FAR_MORE = 0.5, 2.5  # of the features that the others show; times as many in the largest plane
 _SAMPLES = 1000
 _SEED = 20201020
 _MOST_PLANES = 4
@@ -65,20 +65,24 @@ def find_planes(trajectories: Trajectories, among: BoolArray | None = None,
                 threshold_px: float = THRESHOLD_PX) -> list[Plane]:
     """The planes that the features move with, the largest first; none where too few features were followed.
 
-    Where all frames together show none, as after a jump to another view, those are left out that show few features.
+    Frames that show far fewer features than usual are left out where the rest shows far larger planes, as after a jump
+    to another view, and so are those that show fewer than the best one.
 
     among: (N,) bool, which features can belong to one; None: all. threshold_px: largest residual of a feature without
     noise.
     """
     shown = trajectories.seen.sum(axis=1)
-    rich = shown >= _RICH * shown.max(initial=0)
-    found = _planes_of_all_frames(trajectories, among, threshold_px)
-    if found or rich.all():
-        return found
-    return _planes_of_all_frames(replace(trajectories, seen=trajectories.seen & rich[:, None]), among, threshold_px)
+    planes = _planes_among(trajectories, among, threshold_px)
+    for usual in (np.median(shown), shown.max(initial=0)):
+        rich = shown >= _RICH * usual
+        others = [] if rich.all() else _planes_among(
+            replace(trajectories, seen=trajectories.seen & rich[:, None]), among, threshold_px)
+        if others and (not planes or len(others[0]) > _FAR_MORE * len(planes[0])):
+            planes = others
+    return planes
 
 
-def _planes_of_all_frames(trajectories: Trajectories, among: BoolArray | None, threshold_px: float) -> list[Plane]:
+def _planes_among(trajectories: Trajectories, among: BoolArray | None, threshold_px: float) -> list[Plane]:
     quarters = _quarter_frames(trajectories)
     if not len(quarters):
         return []

@@ -64,6 +64,7 @@ class Registration:
         guess: the homography to start from. trust: (N,) weight of each pair, in [0, 1]. frozen: (N,) bool, copied by
         the codec from an earlier frame.
         """
+        trust = _relied_on(trust)
         if not frozen.any():
             return self._fitted(pairs, guess, trust)
         new = self._fitted(pairs[~frozen], guess, trust[~frozen])
@@ -159,6 +160,15 @@ class Registration:
         if fit.inlier.sum() < self.config.min_inliers or not (many or support.is_solid):
             return LostReason.FEW_INLIERS
         return LostReason.UNCERTAIN if self._too_uncertain(fit) else None
+
+
+def _relied_on(trust: FloatArray) -> FloatArray:
+    """The weights (N,), smaller still for features that are not trusted.
+
+    Of water, some features agree with any homography by chance, and where they lie far from the ground they would seem
+    to confirm it there.
+    """
+    return np.asarray(trust * np.minimum(1.0, (trust / TRUSTED) ** 2))
 
 
 def _off_px(fit: Fit, pairs: Correspondences) -> FloatArray:

@@ -27,6 +27,7 @@ _LEAST_FEATURES = 48  # with fewer there is nothing to choose between
 # if less of it was seen, as where the first frames were dropped, it takes up to so many times as long
 _SEEN_SHARE, _PATIENCE = 0.5, 3
 _MOVED_PX = 1.5  # between a plane that is fixed to the camera and one that is not
+_RESTING_PX, _TIMES_RESTING = 0.3, 4.0  # at most, while another one moves so many times as far
 # features that show no plane, but are where most are: px; in this share of the frames that show them; of all frames
 _AGREEING_PX, _AGREES, _SHOWN = 0.6, 0.7, 0.2
 _MOST_FRAMES = 120  # where time does not advance
@@ -185,7 +186,7 @@ class StartBuffer:
         planes = find_planes(trajectories, threshold_px=straight.threshold_px)
         if not planes:
             return Choice(Plane(_with_shapes(trajectories), trajectories.shapes))
-        return choose_ground(planes, seen, provisional)
+        return choose_ground(_with_rest(planes, seen), seen, provisional)
 
     def _before_camera(self, straight: Straightened, seen: Observations, provisional: bool) -> Choice | None:
         """The choice if part of the picture is fixed to the camera; None where nothing is, or the camera is at rest.
@@ -224,12 +225,24 @@ class StartBuffer:
         return StaticMap.of_features(self._tracks.reference_px, plane.member.astype(float), self._size)
 
 
+def _with_rest(planes: list[Plane], seen: Observations) -> list[Plane]:
+    """The planes, with those told that hardly move while another one does."""
+    moved_px = [_most_moved_px(plane, seen) for plane in planes]
+    resting_px = min(_RESTING_PX, max(moved_px) / _TIMES_RESTING)
+    return [replace(plane, at_rest=px < resting_px) for plane, px in zip(planes, moved_px, strict=True)]
+
+
 def _moves(plane: Plane, seen: Observations) -> bool:
     """Whether the plane's features have moved in the image, so far that their templates cannot match in place."""
+    return _most_moved_px(plane, seen) > _MOVED_PX
+
+
+def _most_moved_px(plane: Plane, seen: Observations) -> float:
+    """How far most of the plane's features have moved in the image, at most."""
     features_px = seen.reference_px[plane.member]
     known = np.flatnonzero(~np.isnan(plane.ref_H_cur[:, 0, 0]))
     moved_px = [apply(np.linalg.inv(plane.ref_H_cur[f]), features_px) - features_px for f in known]
-    return max(float(np.median(np.hypot(*moved.T))) for moved in moved_px) > _MOVED_PX
+    return max(float(np.median(np.hypot(*moved.T))) for moved in moved_px)
 
 
 def _with_shapes(trajectories: Trajectories) -> BoolArray:

@@ -22,6 +22,13 @@ FLIGHTS = {  # kind and seed; those that once were far off, where there were any
     "frozen_reference": 29, "late_overlay": 24, "fixed_camera": 1014, "jello": 1015, "legs": 4016, "repeated": 1017,
     "gusts": 1018, "cut": 3019,
 }
+MISLEADING = {  # seed and number of frames
+    300139: FRAMES,  # the banks have less texture than the water, and noise takes most of it
+    400096: 60,  # a cut within the start: hardly any feature is seen both before and after, but for water
+    410052: 60,  # dirt on the lens, and the camera sways by a pixel within the start
+    410066: 60,  # text in the picture, and a cut within the start: what is seen before and after is the text
+    410169: 60,  # one bank in a corner; features of the water far from it agree by chance
+}
 
 
 def test_every_fault_has_a_flight() -> None:
@@ -35,15 +42,9 @@ def test_no_flight_is_far_off_in_silence(kind: str, seed: int) -> None:
     assert [verdict for verdict in verdicts if verdict.said == GRAVE] == [], recipe
 
 
-def test_water_with_more_texture_than_the_bank_is_not_taken_for_ground() -> None:
-    """In fog the bank's features are lost to noise, but for a few; it seemed not to keep its texture."""
-    verdicts = judge(render(draw(300139, FRAMES)), {})
-    assert [verdict for verdict in verdicts if verdict.said == GRAVE] == []
-
-
-def test_water_is_not_taken_for_ground_when_the_view_is_cut_within_the_start() -> None:
-    """Hardly any feature was seen both before and after, so there was no plane, and what moved together was water."""
-    verdicts = judge(render(draw(400096, 60)), {})
+@pytest.mark.parametrize(("seed", "frames"), MISLEADING.items())
+def test_no_misleading_flight_is_far_off_in_silence(seed: int, frames: int) -> None:
+    verdicts = judge(render(draw(seed, frames)), {})
     assert [verdict for verdict in verdicts if verdict.said == GRAVE] == []
 
 
