@@ -65,21 +65,29 @@ def find_planes(trajectories: Trajectories, among: BoolArray | None = None,
                 threshold_px: float = THRESHOLD_PX) -> list[Plane]:
     """The planes that the features move with, the largest first; none where too few features were followed.
 
-    Frames that show far fewer features than usual are left out where the rest shows far larger planes, as after a jump
-    to another view, and so are those that show fewer than the best one.
+    After a jump to another view, frames that show far fewer features than usual, or than the best one, are left out if
+    the rest shows far larger planes.
 
     among: (N,) bool, which features can belong to one; None: all. threshold_px: largest residual of a feature without
     noise.
     """
-    shown = trajectories.seen.sum(axis=1)
     planes = _planes_among(trajectories, among, threshold_px)
-    for usual in (np.median(shown), shown.max(initial=0)):
-        rich = shown >= _RICH * usual
-        others = [] if rich.all() else _planes_among(
-            replace(trajectories, seen=trajectories.seen & rich[:, None]), among, threshold_px)
+    if not _jumps(trajectories):
+        return planes
+    shown = trajectories.seen.sum(axis=1)
+    for usual in (np.median(shown), shown.max()):
+        seen = trajectories.seen & (shown >= _RICH * usual)[:, None]
+        others = _planes_among(replace(trajectories, seen=seen), among, threshold_px)
         if others and (not planes or len(others[0]) > _FAR_MORE * len(planes[0])):
             planes = others
     return planes
+
+
+def _jumps(trajectories: Trajectories) -> bool:
+    """Whether most features that a frame shows are gone in the next one that shows any."""
+    shown = trajectories.seen.sum(axis=1)
+    shown = shown[shown > 0]
+    return bool(np.any(shown[1:] < _RICH * shown[:-1]))
 
 
 def _planes_among(trajectories: Trajectories, among: BoolArray | None, threshold_px: float) -> list[Plane]:
