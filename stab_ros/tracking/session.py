@@ -233,7 +233,7 @@ class Session:
 
     def _accepted(self, stamp: FrameStamp, anchor: Anchor, gray: Gray, pairs: Correspondences, fit: Fit) -> Track:
         """The answer to a registered frame, after which anchors, weights and ground are brought up to date."""
-        self._strategy.registered(anchor, fit, lambda other: self._checked_by(other, anchor, gray, fit))
+        self._strategy.registered(anchor, fit, lambda other: self._checked_by(other, gray, fit))
         self._note_rows(pairs, anchor.trust[pairs.feature_id], fit)
         self.copied.add(anchor.frozen[pairs.feature_id], anchor.trust[pairs.feature_id])
         anchor.update_weights(gray, pairs, fit)
@@ -250,15 +250,16 @@ class Session:
         if self._seeks_rows:
             self.rolling_shutter.add(self._by_rows.residuals(pairs, trust, fit), fit.rows)
 
-    def _checked_by(self, other: Anchor, anchor: Anchor, gray: Gray, fit: Fit) -> Fit | None:
+    def _checked_by(self, other: Anchor, gray: Gray, fit: Fit) -> Fit | None:
         """The same frame registered to another anchor, too; None if that is rejected, or its rows have swung."""
         if fit.rows is not None:
             return None
+        other.look(gray)
         pairs, seen = other.register(gray, fit.ref_H_cur, self._solver(other), chain=False)
         if seen is None:
             return None
         trust, support = other.trust[pairs.feature_id], other.support(pairs, seen)
-        return None if self._registration.rejected(seen, anchor.pose, pairs, trust, support) else seen
+        return None if self._registration.rejected(seen, other.pose, pairs, trust, support) else seen
 
     def _tracked(self, stamp: FrameStamp, pairs: Correspondences, fit: Fit) -> Track:
         """The answer of an accepted fit, from which the next frame is predicted."""
