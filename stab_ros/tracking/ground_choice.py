@@ -71,10 +71,14 @@ class CompetingHypothesis:
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The plane taken for the ground, and the strongest competing hypothesis (None: the choice is clear)."""
+    """The plane taken for the ground, and the strongest competing hypothesis (None: the choice is clear).
+
+    planeless: no features moved together as a plane; taken are those that do not contradict the rough homographies.
+    """
 
     ground: Plane
     other: CompetingHypothesis | None = None
+    planeless: bool = False
 
 
 @dataclass(frozen=True, eq=False)

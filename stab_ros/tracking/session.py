@@ -322,7 +322,13 @@ class Session:
             self.rolling_shutter.found()
         self.reset_counter += result.turned  # what was answered before does not belong to what follows
         tracks = [self._answer(frame, result) for frame in result.frames]
+        if result.planeless and 2 * sum(track.ref_H_cur is None for track in tracks) > len(tracks):
+            tracks = [self._unfounded(frame) for frame in result.frames]
         return [dataclasses.replace(track, provisional=result.provisional) for track in tracks]
+
+    def _unfounded(self, frame: BufferedFrame) -> Track:
+        """No answer to a frame of a start-up in which nothing kept together: water does, for some frames."""
+        return self.lost(frame.stamp, _or_flat(LostReason.FEW_INLIERS, frame.textured), len(frame.pairs))
 
     def _answer(self, frame: BufferedFrame, result: StartResult) -> Track:
         fit = self._registration.solve(frame.pairs, frame.guess, frame.trust, frame.frozen)

@@ -64,7 +64,8 @@ class StartResult:
     frames: those that have no answer yet. reference_px: (N, 2) all features. ground: (N,) bool, those on it.
     fixed_px: (n, 2) features that are fixed to the camera. size: width, height of the reference, px. ambiguity: if
     another plane can be the ground as well. turned: whether an earlier result took another plane for it. scatter: of
-    that `Plane`. provisional: too little was seen to be certain. rows_swing: by a rolling shutter.
+    that `Plane`. provisional: too little was seen to be certain. rows_swing: by a rolling shutter. planeless: as of
+    `Choice`.
     """
 
     frames: list[BufferedFrame]
@@ -78,6 +79,7 @@ class StartResult:
     scatter: float
     provisional: bool
     rows_swing: bool
+    planeless: bool
 
     def support(self, pairs: Correspondences, fit: Fit) -> Support:
         """How much of the ground in view agrees with a fit to matches of the features."""
@@ -173,7 +175,8 @@ class StartBuffer:
         reference_px = trajectories.reference_px
         return StartResult(self._frames(choice.ground, trajectories), reference_px, member,
                            reference_px[self._fixed], self._map(choice.ground), self._ambiguity(choice), self._size,
-                           bool(turned), choice.ground.scatter, provisional or not self.enough, straight is not None)
+                           bool(turned), choice.ground.scatter, provisional or not self.enough, straight is not None,
+                           choice.planeless)
 
     def _choice(self, straight: Straightened, provisional: bool) -> Choice:
         trajectories = straight.trajectories
@@ -185,7 +188,7 @@ class StartBuffer:
         self._fixed[:] = False
         planes = find_planes(trajectories, threshold_px=straight.threshold_px)
         if not planes:
-            return Choice(Plane(_with_shapes(trajectories), trajectories.shapes))
+            return Choice(Plane(_with_shapes(trajectories), trajectories.shapes), planeless=True)
         return choose_ground(_with_rest(planes, seen), seen, provisional)
 
     def _before_camera(self, straight: Straightened, seen: Observations, provisional: bool) -> Choice | None:
