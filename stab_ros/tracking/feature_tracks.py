@@ -43,6 +43,7 @@ _MOST_SAMPLES = 2000  # of RANSAC
 _SEARCH_PX = 128  # in the reference, for a frame that no flow leads to
 _JUMP = 0.05  # of the width, from one frame to the next
 _EXCURSION, _TIMES_USUAL, _TIMES_APART = 0.03, 8.0, 4.0  # of the width; the median step; from before it to after it
+_LESS = 0.5  # of the share that frames usually show
 _FOLLOWED = 0.1  # of the features, at least: with fewer the frame is not followed
 
 
@@ -94,6 +95,19 @@ class _Followed:
     ref_H_cur: Homography
 
 
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """The features in a frame, and from where the next one is sought."""
+
+    measured: _Measured
+    followed: _Followed
+
+    @property
+    def share(self) -> float:
+        """Of the features, those that are seen."""
+        return float(np.mean(self.measured.seen))
+
+
 class FeatureTracks:
     """Tracks the features of one reference.
 
@@ -124,8 +138,10 @@ class FeatureTracks:
     def follow(self, gray: Gray) -> float:
         """Finds all features in the next frame, (h, w) uint8; the share of them that it shows, 0 if not followed."""
         self._frozen.append(self._blocks.find(gray))
-        if not any(self._attempts(gray, self._shrinking.picture(gray))):
-            self._rows.append(self._unseen)
+        found = self._found(gray, self._shrinking.picture(gray))
+        self._rows.append(self._unseen if found is None else found.measured)
+        if found is not None:
+            self._followed = [self._followed[-1], found.followed]
         self._shapes.append(self._followed[-1].ref_H_cur)
         self._blocks.remember(gray, self._followed[-1].at_px)
         return float(np.mean(self._rows[-1].seen))
@@ -165,8 +181,21 @@ class FeatureTracks:
         n = len(self.reference_px)
         return _Measured(np.zeros((n, 2)), np.zeros((n, 2, 2)), np.zeros(n, bool))
 
-    def _attempts(self, gray: Gray, small: Gray) -> Iterator[bool]:
-        """Whether the frame was followed: from the last frames, and as it lies in the reference; it is kept if so."""
+    def _found(self, gray: Gray, small: Gray) -> _Found | None:
+        """The features in the frame; by the frame before the last one, too, if that leads to few: it may be damaged."""
+        found = next((one for one in self._attempts(gray, small) if one is not None), None)
+        if found is None or found.share >= _LESS * self._usual_share:
+            return found
+        others = (self._by_flow(gray, small, one, one.at_px + one.step_px) for one in self._followed[-2::-1])
+        return max([found, *(one for one in others if one is not None)], key=lambda one: one.share)
+
+    @property
+    def _usual_share(self) -> float:
+        """Of the features that a frame shows."""
+        return float(np.median([np.mean(row.seen) for row in self._rows])) if self._rows else 0.0
+
+    def _attempts(self, gray: Gray, small: Gray) -> Iterator[_Found | None]:
+        """The features in the frame, if it was followed: from the last frames, and as it lies in the reference."""
         last = self._followed[-1]
         yield self._by_flow(gray, small, last, last.at_px + last.step_px)
         if not is_textured(gray):
@@ -177,7 +206,7 @@ class FeatureTracks:
         for ref_H_cur in self._located(gray, last.ref_H_cur):
             yield self._by_position(gray, small, ref_H_cur)
 
-    def _by_flow(self, gray: Gray, small: Gray, before: _Followed, start_px: FloatArray) -> bool:
+    def _by_flow(self, gray: Gray, small: Gray, before: _Followed, start_px: FloatArray) -> _Found | None:
         """One attempt from an earlier frame and predicted positions."""
         scale = self._shrinking.scale
         moved, found = _flowed(_as_bright(before.small, small), small, apply(scale, before.at_px),
@@ -185,20 +214,20 @@ class FeatureTracks:
         at_px = apply(np.linalg.inv(scale), moved)
         cur_H_before, together = _common_motion(before.at_px, at_px, found, self._apart_px)
         if not together.any():
-            return False
+            return None
         shape = self._shape(at_px, together, normalized(before.ref_H_cur @ np.linalg.inv(cur_H_before)), _SHAPE_PX)
         measured = self._against_templates(gray, shape, at_px, found)
         together &= measured.seen
         if together.sum() < _TOGETHER * measured.seen.sum():
-            return False
+            return None
         shape = self._shape(measured.at_px, together, shape, _EXACT_SHAPE_PX)
         return self._kept(gray, small, before, shape, measured)
 
-    def _by_jump(self, gray: Gray, small: Gray, before: _Followed) -> bool:
+    def _by_jump(self, gray: Gray, small: Gray, before: _Followed) -> _Found | None:
         """One attempt as if the whole image had shifted."""
         small_H = PhaseCorrelation(before.small).corrected(small, np.eye(3))
         if small_H is None:
-            return False
+            return None
         return self._by_flow(gray, small, before, apply(np.linalg.inv(self._shrinking.whole(small_H)), before.at_px))
 
     def _located(self, gray: Gray, near: Homography) -> Iterator[Homography]:
@@ -212,24 +241,24 @@ class FeatureTracks:
             lambda: self._search.by_small_pictures(gray, everywhere))
         return (found for found in (search() for search in searches) if found is not None)
 
-    def _by_position(self, gray: Gray, small: Gray, ref_H_cur: Homography) -> bool:
+    def _by_position(self, gray: Gray, small: Gray, ref_H_cur: Homography) -> _Found | None:
         """One attempt where the frame was located."""
         return self._kept(gray, small, self._followed[-1], ref_H_cur, self._unseen)
 
-    def _kept(self, gray: Gray, small: Gray, before: _Followed, ref_H_cur: Homography, measured: _Measured) -> bool:
-        """Whether enough features are seen, once those that were not are sought where the others have moved."""
+    def _kept(self, gray: Gray, small: Gray, before: _Followed, ref_H_cur: Homography,
+              measured: _Measured) -> _Found | None:
+        """The features, if enough are seen, once those that were not are sought where the others have moved."""
         moved_px = apply(np.linalg.inv(ref_H_cur) @ before.ref_H_cur, before.at_px)
         again = self._against_templates(gray, ref_H_cur, moved_px + before.own_px, ~measured.seen)
         seen = measured.seen | again.seen
         if seen.sum() < max(12, _FOLLOWED * len(seen)):
-            return False
+            return None
         at_px = np.where(measured.seen[:, None], measured.at_px, again.at_px)
         information = np.where(measured.seen[:, None, None], measured.information, again.information)
         at_px = np.where(seen[:, None], at_px, moved_px)
         own_px = np.where(seen[:, None], at_px - moved_px, 0.0)
-        self._rows.append(_Measured(at_px, information, seen))
-        self._followed = [self._followed[-1], _Followed(small, at_px, at_px - before.at_px, own_px, ref_H_cur)]
-        return True
+        return _Found(_Measured(at_px, information, seen),
+                      _Followed(small, at_px, at_px - before.at_px, own_px, ref_H_cur))
 
     @property
     def _apart_px(self) -> float:
