@@ -43,7 +43,7 @@ _MOST_SAMPLES = 2000  # of RANSAC
 _SEARCH_PX = 128  # in the reference, for a frame that no flow leads to
 _JUMP = 0.05  # of the width, from one frame to the next
 _EXCURSION, _TIMES_USUAL, _TIMES_APART = 0.03, 8.0, 4.0  # of the width; the median step; from before it to after it
-_LESS = 0.5  # of the share that frames usually show
+_LEFT = 0.5  # of what the last two frames show
 _FOLLOWED = 0.1  # of the features, at least: with fewer the frame is not followed
 
 
@@ -182,17 +182,13 @@ class FeatureTracks:
         return _Measured(np.zeros((n, 2)), np.zeros((n, 2, 2)), np.zeros(n, bool))
 
     def _found(self, gray: Gray, small: Gray) -> _Found | None:
-        """The features in the frame; by the frame before the last one, too, if that leads to few: it may be damaged."""
+        """The features in the frame; by the frame before the last one, too, if few are left: that may be damaged."""
         found = next((one for one in self._attempts(gray, small) if one is not None), None)
-        if found is None or found.share >= _LESS * self._usual_share:
+        lately = max((float(np.mean(row.seen)) for row in self._rows[-2:]), default=0.0)
+        if found is None or found.share >= _LEFT * lately:
             return found
         others = (self._by_flow(gray, small, one, one.at_px + one.step_px) for one in self._followed[-2::-1])
         return max([found, *(one for one in others if one is not None)], key=lambda one: one.share)
-
-    @property
-    def _usual_share(self) -> float:
-        """Of the features that a frame shows."""
-        return float(np.median([np.mean(row.seen) for row in self._rows])) if self._rows else 0.0
 
     def _attempts(self, gray: Gray, small: Gray) -> Iterator[_Found | None]:
         """The features in the frame, if it was followed: from the last frames, and as it lies in the reference."""
