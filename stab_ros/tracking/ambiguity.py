@@ -13,7 +13,7 @@ from stab_ros.tracking.static_map import StaticMap
 
 _PATIENCE_S = 3.0  # from the reference on, before anything is decided
 _DECIDED = 1.65  # logarithm of the odds, as at the start
-_AT_REST_PX = 5.0
+_AT_REST_PX = 5.0  # what has left its place by more is not fixed to the camera
 
 
 class Verdict(Enum):
