@@ -8,11 +8,10 @@ import numpy as np
 
 from stab_ros.core.geometry import inflated, normalized, shift
 from stab_ros.core.types import FloatArray, Homography
-from stab_ros.tracking.ground_choice import CompetingHypothesis, drift_odds, drift_px
+from stab_ros.tracking.ground_choice import CERTAIN_ODDS, CompetingHypothesis, drift_odds, drift_px
 from stab_ros.tracking.static_map import StaticMap
 
 _PATIENCE_S = 3.0  # from the reference on, before anything is decided
-_DECIDED = 1.65  # logarithm of the odds, as at the start
 _AT_REST_PX = 5.0  # what has left its place by more is not fixed to the camera
 
 
@@ -44,14 +43,16 @@ class Ambiguity:
         What is fixed to the camera never drifts, so that is no evidence for a plane that is still at rest in the image.
         """
         elapsed_s = self._elapsed_s(time_ns)
+        if elapsed_s < _PATIENCE_S:
+            return Verdict.OPEN
         chosen_px, other_px = (drift_px(H, self._size) for H in (ref_H_cur, self.by_other(ref_H_cur, time_ns)))
         resting = self.other.overlaid and (other_px if self.other.plane.at_rest else chosen_px) < _AT_REST_PX
-        if elapsed_s < _PATIENCE_S or resting:
+        if resting:
             return Verdict.OPEN
         odds = self.other.odds_without_drift + drift_odds(chosen_px, other_px, self._size[0], elapsed_s)
-        if odds > _DECIDED:
+        if odds > CERTAIN_ODDS:
             return Verdict.SETTLED
-        return Verdict.TURNED if odds < -_DECIDED else Verdict.OPEN
+        return Verdict.TURNED if odds < -CERTAIN_ODDS else Verdict.OPEN
 
     def by_other(self, ref_H_cur: Homography, time_ns: int) -> Homography:
         """Where the frame lies by the other hypothesis, if that plane has moved on at its velocity."""

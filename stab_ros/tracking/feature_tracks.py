@@ -79,6 +79,11 @@ class _Measured:
     information: FloatArray
     seen: BoolArray
 
+    @property
+    def share(self) -> float:
+        """Of the features, those that are seen."""
+        return float(np.mean(self.seen))
+
 
 @dataclass(frozen=True, eq=False)
 class _Followed:
@@ -101,11 +106,6 @@ class _Found:
 
     measured: _Measured
     followed: _Followed
-
-    @property
-    def share(self) -> float:
-        """Of the features, those that are seen."""
-        return float(np.mean(self.measured.seen))
 
 
 class FeatureTracks:
@@ -144,7 +144,7 @@ class FeatureTracks:
             self._followed = [self._followed[-1], found.followed]
         self._shapes.append(self._followed[-1].ref_H_cur)
         self._blocks.remember(gray, self._followed[-1].at_px)
-        return float(np.mean(self._rows[-1].seen))
+        return self._rows[-1].share
 
     @property
     def has_jumped(self) -> bool:
@@ -184,11 +184,11 @@ class FeatureTracks:
     def _found(self, gray: Gray, small: Gray) -> _Found | None:
         """The features in the frame; by the frame before the last one, too, if few are left: that may be damaged."""
         found = next((one for one in self._attempts(gray, small) if one is not None), None)
-        lately = max((float(np.mean(row.seen)) for row in self._rows[-2:]), default=0.0)
-        if found is None or found.share >= _LEFT * lately:
+        lately = max((row.share for row in self._rows[-2:]), default=0.0)
+        if found is None or found.measured.share >= _LEFT * lately:
             return found
         others = (self._by_flow(gray, small, one, one.at_px + one.step_px) for one in self._followed[-2::-1])
-        return max([found, *(one for one in others if one is not None)], key=lambda one: one.share)
+        return max([found, *(one for one in others if one is not None)], key=lambda one: one.measured.share)
 
     def _attempts(self, gray: Gray, small: Gray) -> Iterator[_Found | None]:
         """The features in the frame, if it was followed: from the last frames, and as it lies in the reference."""

@@ -37,7 +37,7 @@ _SWAY_PX = 0.5  # of a plane beyond a steady motion: neither for nor against a m
 _MOTION, _MOST_BY_MOTION = 1.5, 3.0
 _SCATTERED = 4.0
 _BESIDE = 1.6  # times the mean distance of the features
-_AMBIGUOUS = 1.65  # odds of 5 to 1, more than drift and size alone can give
+CERTAIN_ODDS = 1.65  # odds of 5 to 1, more than drift and size alone can give
 _CAUTION = 1.0
 _APART_PX = 1.0  # planes that separate by less make no difference
 _UNSTEADY = 0.3  # largest share of the separation that is not in proportion to time
@@ -105,7 +105,7 @@ def choose_ground(planes: list[Plane], seen: Observations, provisional: bool = F
     odds = np.array([[a.odds_against(b) for b in cues] for a in cues])
     best = int(np.argmax(np.min(odds - _cautions(planes), axis=1)))
     others = [k for k in np.argsort(odds[best]).tolist() if k != best]  # the most likely one first
-    certain = math.inf if provisional else _AMBIGUOUS
+    certain = math.inf if provisional else CERTAIN_ODDS
     found = (_competing(planes[best], planes[k], cues[best], cues[k], seen, certain) for k in others)
     return Choice(planes[best], next((other for other in found if other is not None), None))
 
