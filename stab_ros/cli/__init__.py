@@ -30,7 +30,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     run: Callable[[argparse.Namespace], int] = options.run
     try:
         code = run(options)
-        sys.stdout.flush()
+        if sys.stdout is not None:  # as with >&-
+            sys.stdout.flush()
         return code
     except StabRosError as error:
         say(str(error))
@@ -40,8 +41,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         say("interrupted; an unfinished output has .partial in its name")
         return INTERRUPTED
     except BrokenPipeError:  # the reader of the output has closed it, as in `stab-ros info BAG | head -1`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _discard_output()
         return BROKEN_OFF
+    except OSError as error:
+        if error.filename is not None:
+            raise
+        say(f"standard output cannot be written ({error.strerror}); it must lead to a terminal, a pipe or a file")
+        _discard_output()
+        return BROKEN_OFF
+
+
+def _discard_output() -> None:
+    """What is still buffered must not fail once more as the process ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _parser() -> Parser:

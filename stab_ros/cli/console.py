@@ -48,7 +48,8 @@ def progress_bar(unit: str) -> Iterator[Progress]:
 
         def show(done: int, total: int | None) -> None:
             nonlocal bar
-            bar = bar or bars.enter_context(make_bar(unit, total=total))
+            if bar is None:  # without a total it has no truth value
+                bar = bars.enter_context(make_bar(unit, total=total))
             bar.total = total
             bar.update(done - bar.n)
 

@@ -43,9 +43,11 @@ class Camera:
         if self.K[0, 0] <= 0 or self.K[1, 1] <= 0 or tuple(self.K[2]) != (0.0, 0.0, 1.0):
             raise InputError("camera_info: K is not calibrated, it must have positive focal lengths "
                              "and a last row 0 0 1")
-        if len(self.D) and len(self.D) not in COEFFICIENTS.get(self.model, ()):
+        fits = len(self.D) in (0, *COEFFICIENTS.get(self.model, ()))
+        if not fits and (np.any(self.D) or self.model == "equidistant"):  # drivers send zeros of any number
+            known = "; ".join(f"{model} of {', '.join(map(str, numbers))}" for model, numbers in COEFFICIENTS.items())
             raise InputError(f"camera_info: {len(self.D)} coefficients do not fit distortion_model {self.model!r}, "
-                             f"it must be one of {', '.join(COEFFICIENTS)}")
+                             f"it must be {known}")
 
     @property
     def fisheye(self) -> bool:

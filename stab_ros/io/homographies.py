@@ -114,11 +114,12 @@ def read_homographies(path: Path) -> list[HomographyRow]:
         InputError: the file is missing, a column is missing, or a cell is not a number.
     """
     try:
-        with path.open(encoding="utf-8", newline="") as file:
+        with path.open(encoding="utf-8-sig", newline="") as file:
             rows = csv_rows(file, COLUMNS)
             missing = next(rows)[1]
             if missing:
-                raise InputError(f"{path}: no column {missing[0]}; the header must begin with {','.join(COLUMNS)}")
+                raise InputError(f"{path}: no column {missing[0]}; the header must begin with {','.join(COLUMNS)}, "
+                                 "separated by commas")
             return [_row(path, line, cells) for line, cells in rows]
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; it must be a table of homographies (.csv)") from error

@@ -69,7 +69,8 @@ def read_points(path: Path) -> tuple[NamedPoint, ...]:
             rows = csv_rows(file, COLUMNS, skipinitialspace=True)
             missing = next(rows)[1]
             if missing:
-                raise InputError(f"{path}: no column {missing[0]}; the first line must be {','.join(COLUMNS)}")
+                raise InputError(f"{path}: no column {missing[0]}; the first line must be {','.join(COLUMNS)}, "
+                                 "separated by commas")
             points = tuple(_point(path, line, cells) for line, cells in islice(rows, _MAX_POINTS + 1))
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; it must be a table of points, {','.join(COLUMNS)}") from error

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -49,7 +50,7 @@ def _region(name: str, text: str) -> Region | None:
 
 def _text(name: str, path: Path) -> str:
     try:
-        with path.open(encoding="utf-8", errors="replace") as file:
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
             return file.read(_MAX_TEXT + 1)
     except OSError as error:
         raise InputError(f"{name}: {path} cannot be read ({error.strerror}), it must be a .json of polygons") from error
@@ -66,7 +67,7 @@ def _polygons(name: str, text: str, where: str) -> Region:
     if len(text) > _MAX_TEXT:
         raise InputError(f"{name}: {where} has more than {_MAX_TEXT} characters, use a PNG mask for so fine a region")
     try:
-        polygons = tuple(np.array(polygon, dtype=np.float64) for polygon in json.loads(text))
+        polygons = tuple(np.array(polygon, dtype=np.float64) for polygon in _list_of(text))
     except (ValueError, TypeError, OverflowError, RecursionError) as error:
         raise InputError(f"{name}: {where} must be JSON [[[x, y], ...], ...] ({error})") from error
     if not polygons:
@@ -76,6 +77,14 @@ def _polygons(name: str, text: str, where: str) -> Region:
         raise InputError(f"{name}: {where} holds {corners} corners, it must hold at most {_MAX_CORNERS}; use a PNG "
                          "mask for so fine a region")
     return Region(name, polygons)
+
+
+def _list_of(text: str) -> list[Any]:
+    """Raises ValueError where the JSON is no list."""
+    listed = json.loads(text)
+    if not isinstance(listed, list):
+        raise ValueError("it is an object, as GeoJSON is" if isinstance(listed, dict) else "it is no list")
+    return listed
 
 
 def _mask(name: str, path: Path) -> Region:

@@ -34,8 +34,7 @@ class ImageInput:
 
     def open(self) -> str:
         """Subscribes; returns the full name of the topic."""
-        compressed = self.msgtype == COMPRESSED_IMAGE
-        msg_class, topic = (CompressedImage, RAW_COMPRESSED_TOPIC) if compressed else (Image, RAW_TOPIC)
+        msg_class, topic = (CompressedImage, RAW_COMPRESSED_TOPIC) if self._compressed else (Image, RAW_TOPIC)
         choose = keep_all_reliable if self._keep_all else newest_only
         self._subscription = AdaptiveSubscription(self._node, msg_class, topic, self._on_image, choose,
                                                   "let it offer RELIABLE, or set queue_depth:=1")
@@ -56,9 +55,19 @@ class ImageInput:
         return self._gaps.before
 
     def refresh(self) -> None:
-        """Follows the publishers' QoS."""
-        if self._subscription is not None:
-            self._subscription.refresh()
+        """Follows the publishers' QoS; says where only the other transport is published."""
+        if self._subscription is None:
+            return
+        self._subscription.refresh()
+        other = self._node.resolve_topic_name(RAW_TOPIC if self._compressed else RAW_COMPRESSED_TOPIC)
+        if not self._subscription.publishers and self._node.count_publishers(other):
+            transport = "raw" if self._compressed else "compressed"
+            self._node.get_logger().warning(f"nobody publishes {self._subscription.topic}, but {other} is published; "
+                                            f"set image_transport:={transport} to take it", once=True)
+
+    @property
+    def _compressed(self) -> bool:
+        return self.msgtype == COMPRESSED_IMAGE
 
     def release(self) -> None:
         """Passes the held images on."""

@@ -81,6 +81,7 @@ class AdaptiveSubscription:
         self._choose = choose
         self._fix = fix
         self._incompatible = ""
+        self._foreign = ""  # what publishers of another type send
         offers = self._offers()
         self.publishers = len(offers)
         self.qos = choose(offers)
@@ -101,7 +102,15 @@ class AdaptiveSubscription:
         self._incompatible = ""
 
     def _offers(self) -> list[QoSProfile]:
-        return [info.qos_profile for info in self._node.get_publishers_info_by_topic(self.topic)]
+        """The offers of the publishers; those of another type are logged, once, as nothing is received from them."""
+        known = type_name(self._msg_class)
+        infos = self._node.get_publishers_info_by_topic(self.topic)
+        foreign = next((info.topic_type for info in infos if info.topic_type != known), "")
+        if foreign and foreign != self._foreign:
+            self._node.get_logger().error(f"{self.topic}: a publisher sends {foreign}, nothing is received from it; it "
+                                          f"must be {known}")
+        self._foreign = foreign
+        return [info.qos_profile for info in infos if info.topic_type == known]
 
     def _subscribe(self) -> Subscription:
         callback: Any = self._callback  # rclpy's type lacks callbacks that take the message info
@@ -111,6 +120,12 @@ class AdaptiveSubscription:
 
     def _on_incompatible(self, event: Any) -> None:
         self._incompatible = policy_name(event.last_policy_kind)  # logged by `refresh`, unless it can adapt
+
+
+def type_name(msg_class: Any) -> str:
+    """The name of a message class, as sensor_msgs/msg/Image."""
+    package, kind = msg_class.__module__.split(".")[:2]
+    return f"{package}/{kind}/{msg_class.__name__}"
 
 
 def publisher_events(node: Node, topic: str) -> PublisherEventCallbacks:

@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM, at any time and repeatedly, end a node with exit code 0.
+"""SIGINT, SIGTERM and SIGHUP, at any time and repeatedly, end a node with exit code 0.
 
 rclpy's own handlers shut the context down at once, with messages still queued; so a node installs these instead, and
 before the heavy imports, so that a Ctrl-C during start is a clean end too.
@@ -55,15 +55,21 @@ def end_at_once() -> NoReturn:
 def until_stopped(body: Callable[[StopRequest], int]) -> int:
     """The exit code of `body`; 0 if a signal ended it during its start."""
     stop = StopRequest()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in _stopping():
         signal.signal(number, stop.on_signal)
     try:
         return body(stop)
     except KeyboardInterrupt:
         return 0
     finally:  # a further signal must not turn the end of the process into a failure
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in _stopping():
             signal.signal(number, signal.SIG_IGN)
+
+
+def _stopping() -> list[signal.Signals]:
+    """The signals that end a process; a lost terminal does not if it was started with nohup."""
+    kept = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    return [signal.SIGINT, signal.SIGTERM, *([] if kept else [signal.SIGHUP])]
 
 
 def node_main(name: str, body: Callable[[StopRequest], int]) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pty
 import resource
+import shlex
 import signal
 import subprocess
 import sys
@@ -25,6 +26,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 import stab_ros
+from stab_ros.cli.console import progress_bar
 from stab_ros.synthetic.flight import Shot
 
 JAZZY = get_typestore(Stores.ROS2_JAZZY)
@@ -132,6 +134,13 @@ def test_progress_is_shown_on_a_terminal_only(recordings: dict[str, Path], tmp_p
     assert "/10" in shown
 
 
+@pytest.mark.parametrize("total", [None, 3])
+def test_progress_is_counted_with_or_without_a_known_total(total: int | None) -> None:
+    with progress_bar("frames") as show:
+        for done in (1, 2, 3):
+            show(done, total)
+
+
 def read_all(terminal: int) -> str:
     """Everything that is written to a terminal until its other side is closed."""
     text = b""
@@ -218,3 +227,15 @@ def test_a_reader_that_goes_away_is_no_error_to_tell(recordings: dict[str, Path]
         assert process.stderr is not None
         assert process.stderr.read() == ""
     assert process.returncode == 1
+
+
+@pytest.mark.parametrize(("output", "code", "says"), [
+    ("> /dev/full", 1, "stab-ros: standard output cannot be written (No space left on device)"), (">&-", 0, "")])
+def test_output_that_goes_nowhere_leaves_no_traceback(
+    output: str, code: int, says: str, recordings: dict[str, Path]
+) -> None:
+    words = " ".join(map(shlex.quote, [*STAB_ROS, "info", str(recordings["mcap"])]))
+    done = subprocess.run(["bash", "-c", f"{words} {output}"], stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == code
+    assert done.stderr.startswith(says)
+    assert done.stderr.count("\n") == bool(says)

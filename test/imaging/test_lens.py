@@ -227,12 +227,20 @@ def test_a_camera_without_distortion_changes_nothing() -> None:
     (K, np.array([np.inf, 0, 0, 0, 0]), "plumb_bob", "finite"),
     (K, np.full(4, 0.1), "omnidirectional", "omnidirectional.*plumb_bob"),
     (K, np.full(5, 0.1), "equidistant", "5 coefficients do not fit"),
-    (K, np.full(7, 0.1), "plumb_bob", "7 coefficients do not fit"),
+    (K, np.zeros(8), "equidistant", "8 coefficients do not fit"),
+    (K, np.full(7, 0.1), "plumb_bob", "7 coefficients do not fit .* plumb_bob of 0, 4, 5; rational_polynomial of 8"),
 ])
 def test_impossible_cameras_are_refused(K_: FloatArray, D_: FloatArray, model: str, complaint: str) -> None:
     with pytest.raises(InputError, match=complaint) as error:
         Camera(K_, D_, model, SIZE)
     assert len(str(error.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(("number", "model"), [(8, "plumb_bob"), (5, ""), (8, "inverse_brown_conrady")])
+def test_zeros_are_no_distortion_whatever_their_number(number: int, model: str) -> None:
+    camera = Camera(K, np.zeros(number), model, SIZE)
+    assert not camera.distorts
+    np.testing.assert_array_equal(camera.undistort(picture()), picture())
 
 
 @pytest.mark.parametrize("camera", [None, *LENSES.values()], ids=["no camera", *LENSES])

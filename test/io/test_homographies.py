@@ -49,8 +49,16 @@ def test_the_table_is_that_of_the_contract(tmp_path: Path) -> None:
     ]
 
 
+def test_a_table_that_a_spreadsheet_has_saved_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "truth.csv"
+    path.write_bytes(b"\xef\xbb\xbf" + f"{HEADER}\r\n0,1,TRACKED,1,0,2,0,1,3,0,0,1\r\n".encode())
+    (row,) = read_homographies(path)
+    np.testing.assert_array_equal(row.ref_H_cur, [[1, 0, 2], [0, 1, 3], [0, 0, 1]])
+
+
 @pytest.mark.parametrize(("text", "says"), [
     ("", "no column frame"),
+    (HEADER.replace(",", ";"), "separated by commas"),
     ("frame,stamp_ns\n0,1\n", "no column status"),
     (f"{HEADER}\n0,1,TRACKED,1,0,0,0,1,0,0,0\n", "line 2"),
     (f"{HEADER}\n0,1,LOST,,,,,,,,,\n1,2,TRACKED,1,0,x,0,1,0,0,0,1\n", "line 3"),

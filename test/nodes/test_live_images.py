@@ -101,3 +101,13 @@ def test_compressed_images(graph: Graph, flight: list[Shot]) -> None:
     assert images[0].encoding == "bgr8"
     shown = np.frombuffer(bytes(images[0].data), np.uint8).reshape(*flight[0].image.shape, 3)
     assert np.array_equal(shown[..., 0], flight[0].image)
+
+
+def test_images_that_come_another_way_are_named(graph: Graph) -> None:
+    tracker = graph.start("tracker_node", "/cam")
+    graph.node.create_publisher(CompressedImage, "/cam/image_raw/compressed", 1)
+    graph.until(lambda: "nobody publishes /cam/image_raw, but /cam/image_raw/compressed is published; set "
+                        "image_transport:=compressed" in tracker.log, "the hint")
+    graph.node.create_publisher(CompressedImage, "/cam/image_raw", 1)
+    graph.until(lambda: "/cam/image_raw: a publisher sends sensor_msgs/msg/CompressedImage, nothing is received from "
+                        "it; it must be sensor_msgs/msg/Image" in tracker.log, "the type")

@@ -14,14 +14,14 @@ from stab_ros.nodes.stopping import StopRequest, node_main, until_stopped
 @pytest.fixture
 def handlers() -> Iterator[None]:
     """Puts the test runner's own signal handlers back."""
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     yield
     for number, handler in before.items():
         signal.signal(number, handler)
 
 
 @pytest.mark.usefixtures("handlers")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals_interrupt_the_start_but_not_the_work(number: int) -> None:
     finished: list[bool] = []
 
@@ -37,9 +37,21 @@ def test_signals_interrupt_the_start_but_not_the_work(number: int) -> None:
         return 5
 
     assert until_stopped(start) == 0
+    signal.signal(number, signal.SIG_DFL)  # as in a new process
     assert until_stopped(work) == 5
     assert finished == [True]
     signal.raise_signal(number)  # has no effect any more
+
+
+@pytest.mark.usefixtures("handlers")
+def test_under_nohup_a_lost_terminal_is_nothing() -> None:
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+
+    def work(stop: StopRequest) -> int:
+        signal.raise_signal(signal.SIGHUP)
+        return 5 if not stop.requested else 6
+
+    assert until_stopped(work) == 5
 
 
 @pytest.mark.usefixtures("handlers")

@@ -62,6 +62,12 @@ def test_a_json_file_is_as_good_as_its_text(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_area({"roi": str(path)}).allowed(SIZE), square())
 
 
+def test_a_json_file_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:
+    path = tmp_path / "bank.json"
+    path.write_text(SQUARE, encoding="utf-8-sig")
+    np.testing.assert_array_equal(read_area({"roi": str(path)}).allowed(SIZE), square())
+
+
 @pytest.mark.parametrize("kind", ["grey", "one", "16 bit", "bgr", "blue alone", "bgra"])
 def test_a_mask_is_inside_where_it_is_not_black(tmp_path: Path, kind: str) -> None:
     grey = square().astype(np.uint8) * 255
@@ -117,6 +123,7 @@ def test_bad_text_is_one_line(name: str, text: str, complaint: str) -> None:
     (".json", b"{}", "polygon|must be JSON"),
     (".json", b'{"roi": 3}', "must be JSON"),
     (".json", b"7", "must be JSON"),
+    (".json", b'{"type": "Polygon", "coordinates": [[[0, 0], [9, 0], [9, 9]]]}', "must be JSON .* GeoJSON"),
     (".json", bytes(range(256)), "must be JSON"),
     (".png", b"", "cannot be read as a picture"),
     (".png", b"\x89PNG\r\n\x1a\n and no more", "cannot be read as a picture"),
