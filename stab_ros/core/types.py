@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from stab_ros.core.row_shifts import RowShifts
 
 Gray: TypeAlias = NDArray[np.uint8]  # (h, w)
-Image: TypeAlias = NDArray[Any]  # (h, w) or (h, w, channels), uint8 or uint16
+Image: TypeAlias = NDArray[Any]  # (h, w) or (h, w, channels), uint8, uint16 or float32
 Homography: TypeAlias = NDArray[np.floating[Any]]  # (3, 3) float64, h22 = 1
 FloatArray: TypeAlias = NDArray[np.floating[Any]]
 Float32Array: TypeAlias = NDArray[np.float32]
@@ -26,7 +26,9 @@ IdArray: TypeAlias = NDArray[np.int64]
 NO_POINTS: FloatArray = np.empty((0, 2))  # no points given by the user
 NO_POINTS.flags.writeable = False
 
-CHANNELS = {"mono8": 1, "mono16": 1, "bgr8": 3, "rgb8": 3, "bgra8": 4, "rgba8": 4}
+CHANNELS = {"mono8": 1, "mono16": 1, "32FC1": 1, "bgr8": 3, "bgr16": 3, "rgb8": 3, "bgra8": 4, "rgba8": 4}
+_DEEP = {"mono16": np.uint16, "bgr16": np.uint16, "32FC1": np.float32}  # the dtypes of more than 8 bits
+_WARPED = {"bgr16": "bgr8"}
 
 
 class State(Enum):
@@ -64,8 +66,9 @@ class Frame:
     """One image of a stream, decoded.
 
     Attributes:
-        image: (h, w) or (h, w, channels); uint16 for mono16, uint8 otherwise.
-        encoding: one of `CHANNELS`, as in sensor_msgs/image_encodings: mono8, mono16, bgr8, rgb8, bgra8, rgba8.
+        image: (h, w) or (h, w, channels); uint16 for mono16 and bgr16, float32 for 32FC1, uint8 otherwise.
+        encoding: one of `CHANNELS`, as in sensor_msgs/image_encodings: mono8, mono16, 32FC1, bgr8, bgr16, rgb8, bgra8,
+            rgba8.
         stamp_ns: the header stamp, ns: when the image was taken.
         frame_id: the header's coordinate frame.
 
@@ -83,7 +86,7 @@ class Frame:
         if channels is None:
             raise ValueError(f"encoding {self.encoding!r} is not one of {', '.join(CHANNELS)}")
         shape = self.image.shape[:2] if channels == 1 else (*self.image.shape[:2], channels)
-        dtype = np.uint16 if self.encoding == "mono16" else np.uint8
+        dtype = _DEEP.get(self.encoding, np.uint8)
         if self.image.shape != shape or self.image.dtype != dtype:
             raise ValueError(f"a {self.encoding} image of {self.image.shape} {self.image.dtype} is not {shape} {dtype}")
 
@@ -91,6 +94,11 @@ class Frame:
     def size(self) -> tuple[int, int]:
         """Width and height, px."""
         return self.image.shape[1], self.image.shape[0]
+
+    @property
+    def warped_encoding(self) -> str:
+        """The encoding of the frame once it is warped to the reference: its own, but bgr8 for bgr16."""
+        return _WARPED.get(self.encoding, self.encoding)
 
     @property
     def kind(self) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stab_ros.core.gray import depth_scale, to_gray
+from stab_ros.core.gray import GreyRange, grey_range, to_gray
 from stab_ros.core.region import Area
 from stab_ros.core.types import BoolArray, FloatArray, Frame, Gray, Homography, IdArray
 from stab_ros.evaluation.settings import EvaluatorConfig, NamedPoint
@@ -50,7 +50,7 @@ class ReferenceMeasures:
     """
 
     frame: Frame
-    grey_scale: float
+    shown: GreyRange
     points: tuple[VerificationPoint, ...]
     centres_px: IdArray
     window_px: int
@@ -62,7 +62,7 @@ class ReferenceMeasures:
 
     def view_of(self, frame: Frame, ref_H_cur: Homography | None) -> View:
         """The view of `frame`, which has the size of the reference. ref_H_cur: the homography of its warp, if known."""
-        gray = to_gray(frame, self.grey_scale)
+        gray = to_gray(frame, self.shown)
         valid = valid_overlap(gray, ref_H_cur)
         searched = windows_inside(valid, self.correlator.areas_px, self.correlator.window_px)
         shifts_px = self.correlator.shifts(gray, searched, valid)
@@ -94,8 +94,8 @@ def measures_of(frame: Frame, config: EvaluatorConfig, named_points: Sequence[Na
     Raises:
         InputError: a region or a named point does not fit the image.
     """
-    scale = depth_scale(frame)
-    gray = to_gray(frame, scale)
+    shown = grey_range(frame)
+    gray = to_gray(frame, shown)
     gauge = NoiseGauge(gray)
     sigma = gauge.sigma(gray)
     allowed = area.allowed(frame.size) & valid_overlap(gray, None)
@@ -104,7 +104,7 @@ def measures_of(frame: Frame, config: EvaluatorConfig, named_points: Sequence[Na
     centres_px = np.array([(point.x_px, point.y_px) for point in points], np.int64).reshape(-1, 2)
     window_px = points[0].calibration.window_px if points else config.window_px or _USUAL_WINDOW_PX
     return ReferenceMeasures(
-        frame, scale, points, centres_px, window_px, gauge, Correlator(gray, centres_px, _AREA_PX),
+        frame, shown, points, centres_px, window_px, gauge, Correlator(gray, centres_px, _AREA_PX),
         HomologousPoints(gray, allowed), VelocityField(gray, allowed, config.svf_columns, config.svf_rows),
         _still(gray, centres_px, window_px, sigma))
 

@@ -21,6 +21,11 @@ _MAX_DEPTH_CHANGE = 0.01  # relative, along a block; position errors grow with i
 _MIN_ROWS_PER_THREAD = 64
 
 
+def is_resampled(image: Image) -> bool:
+    """Whether `resample` takes images of this dtype and layout."""
+    return image.flags.c_contiguous and image.dtype in (np.uint8, np.uint16)
+
+
 def is_gentle(ref_H_cur: Homography, size: tuple[int, int]) -> bool:
     """Whether `resample` is exact, and faster than OpenCV, for a result of `size` (width, height)."""
     cur_M_ref = np.linalg.inv(ref_H_cur)

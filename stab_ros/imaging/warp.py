@@ -14,7 +14,7 @@ from stab_ros.core.geometry import shift
 from stab_ros.core.row_shifts import RowShifts
 from stab_ros.core.types import Homography, Image
 from stab_ros.imaging.camera import Camera
-from stab_ros.imaging.resampling import is_gentle, resample
+from stab_ros.imaging.resampling import is_gentle, is_resampled, resample
 from stab_ros.imaging.row_maps import row_maps
 from stab_ros.imaging.window import Window
 
@@ -33,7 +33,7 @@ def warp(image: Image, ref_H_cur: Homography, size: tuple[int, int], interpolati
     """Warps an image to the reference.
 
     Args:
-        image: (h, w) or (h, w, channels), uint8 or uint16.
+        image: (h, w) or (h, w, channels), uint8, uint16 or float32.
         ref_H_cur: (3, 3), maps pixels of the image (undistorted, if there is a camera) to pixels of the reference.
         size: width and height of the reference, px.
         interpolation: nearest, linear, cubic or lanczos.
@@ -58,7 +58,7 @@ def warp(image: Image, ref_H_cur: Homography, size: tuple[int, int], interpolati
     if camera is not None and camera.distorts:
         camera = camera.downscaled(downscaling) if downscaling.level else camera
         warped[...] = camera.rectify(image, warped_H_image, warped_size, INTERPOLATION[interpolation])
-    elif interpolation == "linear" and image.flags.c_contiguous and is_gentle(warped_H_image, warped_size):
+    elif interpolation == "linear" and is_resampled(image) and is_gentle(warped_H_image, warped_size):
         resample(image, warped_H_image, warped)
     else:
         cv2.warpPerspective(image, warped_H_image, warped_size, warped, INTERPOLATION[interpolation],

@@ -92,8 +92,10 @@ class BagSource:
 
 
 def namespace_of(topic: Topic) -> str:
-    """The camera's namespace: `/ns` for `/ns/image_raw`, `/ns/image_raw/compressed` and any other `/ns/name`."""
-    base = topic.name.removesuffix("/compressed") if topic.msgtype == COMPRESSED_IMAGE else topic.name
+    """The camera's namespace: `/ns` for `/ns/image_raw`, `/ns/image_raw/compressed` and any `/ns/name`."""
+    base = topic.name
+    if topic.msgtype == COMPRESSED_IMAGE:
+        base = base.removesuffix("/compressed").removesuffix("/compressedDepth")
     return base.rpartition("/")[0]
 
 

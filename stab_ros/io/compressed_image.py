@@ -1,4 +1,4 @@
-"""sensor_msgs/CompressedImage: JPEG and PNG, checked before the decoder allocates anything."""
+"""The data of sensor_msgs/CompressedImage, checked before the decoder allocates anything: JPEG, PNG, TIFF, WebP."""
 
 from __future__ import annotations
 
@@ -10,42 +10,57 @@ from numpy.typing import NDArray
 
 from stab_ros.core.errors import MessageError
 from stab_ros.core.types import Image
-from stab_ros.io.encodings import check_pixels, to_8_bit
+from stab_ros.io import compressed_depth, tiff_header, webp_header
+from stab_ros.io.encodings import check_pixels
 
 MAX_DECODED = 2**27  # bytes of a compressed image, decoded: 45 Mpx in 8 bit; OpenCV takes twice as much on the way
 _PNG_RATIO = 1032  # of deflate, which cannot pack more bytes into one
+_TIFF_RATIO = 4096  # of LZW: a code of 12 bits for a string as long as the table
 _JPEG_RATIO = 512  # pixels in a byte: a block of 64 takes a bit at least
 _PNG, _JPEG, _SCAN, _END = b"\x89PNG\r\n\x1a\n", b"\xff\xd8", 0xDA, b"\xff\xd9"
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # by colour type
 _JPEG_FRAMES = (0xC0, 0xC1, 0xC2)  # baseline, extended, progressive: Huffman coded
 _BARE_MARKERS = (0x00, 0x01, *range(0xD0, 0xDA))  # without a length, none of which may come before the first scan
+_OTHERS = {
+    b"BM": "a BMP", b"GIF8": "a GIF", b"\0\0\0\x0cjP  ": "JPEG 2000", b"\xff\x4f\xff\x51": "JPEG 2000",
+    b"\0\0\0\1": "a piece of coded video", b"\0\0\1": "a piece of coded video", b"OggS": "Theora video",
+}
 _MAX_SCANS = 100  # of a progressive JPEG, each of which covers the whole image; 10 are usual
 
 
-def decode_compressed(data: NDArray[np.uint8]) -> Image:
-    """A JPEG or PNG file (8 or 16 bit) as bgr8.
+def decode_message(data: NDArray[np.uint8], message_format: str) -> Image:
+    """The data of a CompressedImage, by its `format`: as `decode_file`, or the depth of `compressedDepth`.
 
     Raises:
-        MessageError: neither JPEG nor PNG, cut short, or too large.
+        MessageError: of another format, cut short, or too large.
     """
-    image = decode_file(data)
-    return image if image.dtype == np.uint8 else to_8_bit(image)
+    if not compressed_depth.is_compressed_depth(message_format):
+        return decode_file(data)
+    compressed_depth.check_codec(message_format)
+    png = _decoded(data[compressed_depth.HEADER_BYTES :], cv2.IMREAD_UNCHANGED)
+    if png.dtype != np.uint16 or png.ndim != 2:
+        raise MessageError(f"a compressedDepth image holds {png.dtype.name} of shape {png.shape}, it must be a grey "
+                           "PNG of 16 bits")
+    return compressed_depth.depth_of(png, data, message_format)
 
 
 def decode_file(data: NDArray[np.uint8]) -> Image:
-    """A JPEG or PNG file as (h, w, 3), 8 or 16 bit as it is.
+    """A file as (h, w, 3), 8 or 16 bit as it is.
 
     Raises:
-        MessageError: neither JPEG nor PNG, cut short, or too large.
+        MessageError: of another format, cut short, or too large.
     """
+    return _decoded(data, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION)
+
+
+def _decoded(data: NDArray[np.uint8], flags: int) -> Image:
     _check_file(data.tobytes())
-    flags = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
     try:
         image = cv2.imdecode(data, flags)
     except cv2.error as error:
         raise MessageError(f"compressed image data cannot be decoded: {error.err or error}") from error
     if image is None:
-        raise MessageError("compressed image data cannot be decoded, the JPEG or PNG is damaged")
+        raise MessageError("compressed image data cannot be decoded, the file is damaged")
     return np.asarray(image)
 
 
@@ -55,8 +70,27 @@ def _check_file(data: bytes) -> None:
         _check_png(data)
     elif data.startswith(_JPEG):
         _check_jpeg(data)
+    elif data.startswith(tiff_header.MAGIC):
+        _check_tiff(data)
+    elif webp_header.is_webp(data):
+        _check_decoded(*webp_header.read_webp_size(data), value_bytes=1)
     else:
-        raise MessageError(f"compressed image data starts with {data[:8]!r}, it must be JPEG or PNG")
+        raise MessageError(f"compressed image data {_named(data)}, it must be JPEG, PNG, TIFF or WebP; set the "
+                           "publisher's format to jpeg or png")
+
+
+def _named(data: bytes) -> str:
+    """What the data are, for messages."""
+    for start, name in _OTHERS.items():
+        if data.startswith(start):
+            return f"is {name}"
+    return f"starts with {data[:8]!r}"
+
+
+def _check_tiff(data: bytes) -> None:
+    header = tiff_header.read_tiff_header(data)
+    _check_decoded(header.width, header.height, header.bits // 8)
+    _check_length(data, header.width, header.height, header.width * header.height * header.bits // 8 // _TIFF_RATIO)
 
 
 def _check_decoded(width: int, height: int, value_bytes: int) -> None:

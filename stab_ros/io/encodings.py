@@ -1,12 +1,12 @@
 """The encodings of sensor_msgs/Image: from the pixels of a message to an array that a Frame can hold.
 
 What a new encoding needs is listed in CONTRIBUTING.md, "Add an image encoding". Sizes are checked before anything is
-decoded. The 8-bit colour conversions are those of rosbags-image; 16-bit colour is scaled to 8 bit as
-cv_bridge does (65535 to 255).
+decoded. The colour conversions are those of rosbags-image, which keep 16 bits.
 """
 
 from __future__ import annotations
 
+import re
 import sys
 from typing import Any, Protocol
 
@@ -24,12 +24,22 @@ _YUV = ("yuv422", "uyvy", "yuv422_yuy2", "yuyv")  # two pixels share their colou
 # incoming encoding -> the encoding of the decoded frame
 DECODED = {
     **{name: name for name in ("mono8", "mono16", "bgr8", "rgb8", "bgra8", "rgba8")},
-    "8UC1": "mono8", "8UC3": "bgr8", "8UC4": "bgra8", "16UC1": "mono16",
-    **{f"bayer_{pattern}{depth}": "bgr8" for pattern in _BAYER for depth in (8, 16)},
+    "8UC1": "mono8", "8UC3": "bgr8", "8UC4": "bgra8", "16UC1": "mono16", "32FC1": "32FC1",
+    **{f"bayer_{pattern}{depth}": f"bgr{depth}" for pattern in _BAYER for depth in (8, 16)},
     **dict.fromkeys(_YUV, "bgr8"),
-    **dict.fromkeys(("bgr16", "rgb16", "bgra16", "rgba16"), "bgr8"),
+    **dict.fromkeys(("bgr16", "rgb16", "bgra16", "rgba16"), "bgr16"),
 }
-_TO_8_BIT = 255.0 / 65535.0
+_PLANAR = "let the driver publish bgr8 or yuv422_yuy2, or convert it by a node, as isaac_ros_image_proc does"
+# what encodings of the field are not read, as patterns of the whole name, and what to do about each
+_INSTEAD = {
+    r"(nv|i|yv|yuv)_?(12|16|21|24|61|411|420).*": _PLANAR,
+    r"(.*[^0-9])?(10|12|14)([^0-9].*)?": "let the driver publish whole 16-bit values, as mono16 or bayer_rggb16, or "
+                                         "8-bit ones (its pixel format Mono16, BayerRG16 or Mono8)",
+    r".*(jpe?g|h\.?26[45]|hevc|png).*": "pictures that are coded must come as sensor_msgs/CompressedImage, with "
+                                        "image_transport:=compressed",
+    r"(8S|16S|32S|64F)C1": "convert it to 16UC1 or 32FC1 by a node, as cv_bridge does",
+    r"\d+[USF]C\d+": "convert it to bgr8, mono16 or 32FC1 by a node, as cv_bridge does",
+}
 
 
 class ImageMessage(Protocol):
@@ -51,26 +61,23 @@ def decode_image(message: ImageMessage) -> tuple[Image, str]:
     """
     encoding = message.encoding
     if encoding not in DECODED:
-        raise MessageError(f"image encoding {encoding[:40]!r} is unknown, it must be one of {', '.join(DECODED)}")
+        raise MessageError(f"image encoding {encoding[:40]!r} is not read, {_instead(encoding)}")
     pixels = _pixels(message)
     if DECODED[encoding] == encoding or encoding[0].isdigit():
         return pixels, DECODED[encoding]
     try:
-        return _to_bgr8(pixels, encoding), "bgr8"
+        return convert_color(pixels, encoding, DECODED[encoding]), DECODED[encoding]
     except cv2.error as error:
         raise MessageError(f"a {encoding} image of {message.width}x{message.height} cannot be converted: "
                            f"{error.err or error}") from error
 
 
-def _to_bgr8(pixels: Image, encoding: str) -> Image:
-    if pixels.dtype == np.uint8:
-        return convert_color(pixels, encoding, "bgr8")
-    return to_8_bit(convert_color(pixels, encoding, "bgr16"))
-
-
-def to_8_bit(image: Image) -> Image:
-    """A 16-bit image as uint8, 65535 to 255."""
-    return np.asarray(cv2.convertScaleAbs(image, alpha=_TO_8_BIT))
+def _instead(encoding: str) -> str:
+    """What to do about an encoding that is not read."""
+    for pattern, advice in _INSTEAD.items():
+        if re.fullmatch(pattern, encoding[:40], re.IGNORECASE):
+            return advice
+    return f"it must be one of {', '.join(DECODED)}"
 
 
 def _pixels(message: ImageMessage) -> NDArray[Any]:
@@ -78,7 +85,7 @@ def _pixels(message: ImageMessage) -> NDArray[Any]:
     bits, _, _, channels = to_cvtype(message.encoding)
     _check_sizes(message, bits // 8, channels)
     foreign = bits > 8 and bool(message.is_bigendian) != (sys.byteorder == "big")
-    dtype = np.dtype(f"u{bits // 8}")
+    dtype = np.dtype(f"{'f' if 'F' in message.encoding else 'u'}{bits // 8}")
     item = dtype.itemsize
     raw: NDArray[Any] = np.ndarray(
         (message.height, message.width, channels), dtype.newbyteorder() if foreign else dtype, message.data,

@@ -13,7 +13,8 @@ from rosbags.typesys.stores import ros2_jazzy as ros
 from stab_ros.core.errors import MessageError
 from stab_ros.core.types import Frame, Image
 from stab_ros.io.cdr import COMPRESSED_IMAGE, IMAGE, Header, deserialize, header_message, to_ns, typestore
-from stab_ros.io.compressed_image import decode_compressed
+from stab_ros.io.compressed_image import decode_message
+from stab_ros.io.decoded_image import decoded_frame
 from stab_ros.io.encodings import decode_image
 from stab_ros.io.new_bytes import new_bytes
 from stab_ros.tracking.static_map import StaticMap
@@ -32,7 +33,8 @@ def read_image(cdr: bytes | memoryview, msgtype: str) -> Frame:
     if isinstance(message, ros.sensor_msgs__msg__Image):
         image, encoding = decode_image(message)
     elif isinstance(message, ros.sensor_msgs__msg__CompressedImage):
-        image, encoding = decode_compressed(message.data), "bgr8"
+        image = decode_message(message.data, message.format)
+        return decoded_frame(image, to_ns(message.header.stamp), message.header.frame_id)
     else:
         raise MessageError(f"{msgtype} is not an image, it must be {IMAGE} or {COMPRESSED_IMAGE}")
     return Frame(image, encoding, to_ns(message.header.stamp), message.header.frame_id)

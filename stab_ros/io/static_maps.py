@@ -10,11 +10,11 @@ import numpy as np
 
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.settings import Value
-from stab_ros.core.types import Gray
+from stab_ros.core.types import Gray, Image
 from stab_ros.io.bag import open_bag
 from stab_ros.io.bag_source import STATIC_MAP
 from stab_ros.io.cdr import IMAGE
-from stab_ros.io.compressed_image import MAX_DECODED, decode_compressed
+from stab_ros.io.compressed_image import MAX_DECODED, decode_file
 from stab_ros.io.image_message import read_image
 from stab_ros.tracking.static_map import StaticMap
 
@@ -44,12 +44,17 @@ def read_static_map(values: Mapping[str, Value]) -> StaticMap | None:
 
 def _from_image(path: Path) -> Gray:
     try:
-        image = decode_compressed(np.fromfile(path, np.uint8, MAX_DECODED))
+        image = _in_8_bit(decode_file(np.fromfile(path, np.uint8, MAX_DECODED)))
     except (OSError, ValueError) as error:
         raise InputError(f"static_map: {path} cannot be read, it must be a PNG or a bag with a map") from error
     except MessageError as error:
         raise InputError(f"static_map: {path} is no image, it must be a PNG or a bag with a map ({error})") from error
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+
+
+def _in_8_bit(image: Image) -> Image:
+    """A map of 16 bits is white at 65535."""
+    return image if image.dtype == np.uint8 else np.asarray(cv2.convertScaleAbs(image, alpha=255.0 / 65535.0))
 
 
 def _from_bag(path: Path) -> Gray:

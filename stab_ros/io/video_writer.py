@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from stab_ros.core.errors import WorkError
-from stab_ros.core.gray import depth_scale, to_gray
+from stab_ros.core.gray import AS_IT_IS, GreyRange, grey_range, to_gray
 from stab_ros.core.types import Frame, Image
 
 _TO_BGR = {
@@ -36,16 +36,16 @@ class VideoWriter:
         self._fps = fps
         self._writer = cv2.VideoWriter()
         self._shown: Image = np.empty(0, np.uint8)
-        self._depth_scale = 1.0
+        self._range = AS_IT_IS
         self._frames = 0
 
     def write(self, frame: Frame | None, image: Image | None) -> None:
-        """frame: of the input, None where it cannot be decoded. image: the same, stabilised, in its encoding."""
+        """frame: of the input, None where it cannot be decoded. image: the same, stabilised (`warped_encoding`)."""
         self._frames += 1
         if frame is not None and not self._writer.isOpened():
             self._open(frame)
         if frame is not None and image is not None:
-            self._show(image, frame.encoding)
+            self._show(image, frame.warped_encoding)
         if self._writer.isOpened():
             self._writer.write(self._shown)
 
@@ -74,14 +74,14 @@ class VideoWriter:
         codec = cv2.VideoWriter.fourcc(*"mp4v")
         if not self._writer.open(str(self._path), codec, self._fps, frame.size):
             raise WorkError(f"{self._path}: a video of {frame.size[0]}x{frame.size[1]} cannot be written here")
-        self._depth_scale = depth_scale(frame)
+        self._range = grey_range(frame)
         self._shown = np.zeros((*frame.image.shape[:2], 3), np.uint8)
         for _ in range(self._frames - 1):
             self._writer.write(self._shown)
 
     def _show(self, image: Image, encoding: str) -> None:
         height, width = self._shown.shape[:2]
-        self._shown = _fitted(to_bgr(Frame(image, encoding, stamp_ns=0), self._depth_scale), (width, height))
+        self._shown = _fitted(to_bgr(Frame(image, encoding, stamp_ns=0), self._range), (width, height))
 
 
 def _fitted(image: Image, size: tuple[int, int]) -> Image:
@@ -98,10 +98,12 @@ def _fitted(image: Image, size: tuple[int, int]) -> Image:
     return fitted
 
 
-def to_bgr(frame: Frame, scale: float) -> Image:
-    """(h, w, 3) uint8; 16-bit images are multiplied by `scale`."""
+def to_bgr(frame: Frame, shown: GreyRange) -> Image:
+    """(h, w, 3) uint8. shown: of an image of more than 8 bits."""
     if frame.encoding == "bgr8":
         return frame.image
+    if frame.encoding == "bgr16":
+        return shown.to_8_bit(frame.image)
     if frame.encoding in _TO_BGR:
         return np.asarray(cv2.cvtColor(frame.image, _TO_BGR[frame.encoding]))
-    return np.asarray(cv2.cvtColor(to_gray(frame, scale), cv2.COLOR_GRAY2BGR))
+    return np.asarray(cv2.cvtColor(to_gray(frame, shown), cv2.COLOR_GRAY2BGR))

@@ -172,7 +172,7 @@ def _send(connection: Connection, result: TrackedFrame, seconds: float) -> None:
         connection.send((step, None))
         return
     image = np.ascontiguousarray(result.image)
-    connection.send((step, _Pixels(image.shape, image.dtype.str, decoded.encoding)))
+    connection.send((step, _Pixels(image.shape, image.dtype.str, decoded.warped_encoding)))
     connection.send_bytes(image.data.cast("B"))
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from stab_ros.core.errors import InputError
-from stab_ros.core.gray import depth_scale, to_gray
+from stab_ros.core.gray import GreyRange, grey_range, to_gray
 from stab_ros.core.kernels import Compiler, compile_kernels
 from stab_ros.core.progress import Progress
 from stab_ros.core.settings import Value
@@ -140,13 +140,13 @@ class _Frames:
 
     def pairs(self, pictures: Iterator[object]) -> Iterator[tuple[Gray, Gray]]:
         before: Gray | None = None
-        scale: float | None = None
+        shown: GreyRange | None = None
         for decoded in pictures:
             self.count += 1
             current = None
             if isinstance(decoded, Frame):
-                scale = scale or depth_scale(decoded)
-                current = to_gray(decoded, scale).copy()
+                shown = shown or grey_range(decoded)
+                current = to_gray(decoded, shown).copy()
             if before is not None and current is not None and before.shape == current.shape:
                 yield before, current
             before = current

@@ -154,7 +154,7 @@ class PictureTracker:
 
     def _warped(self, frame: Frame, track: Track) -> tuple[Image | None, bytes | None]:
         """The frame warped to the reference, and its message."""
-        message = OutgoingImage(frame.encoding, header_of(frame))
+        message = OutgoingImage(frame.warped_encoding, header_of(frame))
         image = self._stabilizer.warp(frame, track, message.allocate)
         return image, None if image is None else message.cdr(image)
 

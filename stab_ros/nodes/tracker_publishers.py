@@ -53,7 +53,7 @@ class TrackerPublishers:
         """The stabilised image and the debug image, each only if it has subscribers."""
         header = header_of(frame)
         if self._stabilized.subscribers:
-            message = OutgoingImage(frame.encoding, header)
+            message = OutgoingImage(frame.warped_encoding, header)
             image = stabilizer.warp(frame, track, message.allocate)
             if image is not None:
                 self._stabilized.send(message.cdr(image))
@@ -65,7 +65,7 @@ class TrackerPublishers:
         identity = Track(State.TRACKED, 0, reference.stamp_ns, reference.stamp_ns, 0, ref_H_cur=np.eye(3))
         image = stabilizer.warp(reference, identity)
         if image is not None:
-            self._reference_image.send(image_cdr(image, reference.encoding, header_of(reference)))
+            self._reference_image.send(image_cdr(image, reference.warped_encoding, header_of(reference)))
 
     def send_static_map(self, static_map: StaticMap, reference: Frame) -> None:
         give_back_memory()

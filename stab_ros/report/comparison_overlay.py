@@ -8,7 +8,7 @@ from typing import Protocol
 
 from markupsafe import Markup
 
-from stab_ros.core.gray import depth_scale, to_gray
+from stab_ros.core.gray import GreyRange, grey_range, to_gray
 from stab_ros.core.progress import Progress
 from stab_ros.core.types import Frame, Gray, Homography, Image
 from stab_ros.evaluation.comparison_results import Comparison, MethodResult
@@ -67,14 +67,15 @@ def _pair(worst: _Worst, frame: Frame, warp: Warp, numbers: Numbers) -> Iterator
     evaluation, H = worst.result.evaluation, worst.result.passages[worst.number].track.ref_H_cur
     if evaluation is None or H is None or frame.size != evaluation.reference.size:
         return
-    scale, reference = depth_scale(evaluation.reference), gray_of(evaluation.reference)
+    like = evaluation.reference if evaluation.reference.is_like(frame) else frame  # 16-bit colour is warped to 8 bits
+    shown, reference = grey_range(like), gray_of(evaluation.reference)
     place = worst_place(evaluation, evaluation.rows[worst.number])
     steady = warp(worst.result.name, frame, H)
     title = f"{worst.result.name}: worst frame ({worst.number})"
     caption = Markup(worst.text).format(numbers("methods", worst.result.name, "per_frame", worst.number, worst.measure))
-    yield part(Pair(title, reference, _gray(steady, frame, scale), *place), caption)
-    yield part(Pair(f"{worst.result.name}: the same frame, raw", reference, to_gray(frame, scale), *place))
+    yield part(Pair(title, reference, _gray(steady, frame, shown), *place), caption)
+    yield part(Pair(f"{worst.result.name}: the same frame, raw", reference, to_gray(frame, shown), *place))
 
 
-def _gray(image: Image, frame: Frame, scale: float) -> Gray:
-    return to_gray(Frame(image, frame.encoding, frame.stamp_ns), scale)
+def _gray(image: Image, frame: Frame, shown: GreyRange) -> Gray:
+    return to_gray(Frame(image, frame.encoding, frame.stamp_ns), shown)

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from stab_ros.core.gray import depth_scale, to_gray
+from stab_ros.core.gray import grey_range, to_gray
 from stab_ros.core.types import Frame, Gray, Image
 
 WIDTH_IN, _DPI = 5.2, 150  # 11 pt text stays legible on a phone
@@ -100,7 +100,7 @@ def picture_height_in(width: float, height: float) -> float:
 
 def gray_of(frame: Frame) -> Gray:
     """The frame in gray, (h, w) uint8."""
-    return to_gray(frame, depth_scale(frame))
+    return to_gray(frame, grey_range(frame))
 
 
 def stream_color(index: int, count: int) -> str:

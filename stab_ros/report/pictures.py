@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import cv2
 
-from stab_ros.core.gray import depth_scale, to_gray
+from stab_ros.core.gray import grey_range, to_gray
 from stab_ros.core.progress import Progress
 from stab_ros.core.types import Frame, Gray, Image
 from stab_ros.evaluation.results import Evaluation, TopicEvaluation
@@ -48,13 +48,13 @@ def read_pictures(evaluation: Evaluation, streams: Streams, progress: Progress) 
 
 
 def _keep(pictures: ReportImages, topic: TopicEvaluation, frame: Frame, worst: set[int], scrub: set[int]) -> None:
-    key, scale = (topic.topic, frame.stamp_ns), depth_scale(topic.reference)
+    key, shown = (topic.topic, frame.stamp_ns), grey_range(topic.reference)
     if frame.size != topic.reference.size:
         return
     if frame.stamp_ns in worst:
-        pictures.whole[key] = to_gray(frame, scale)
+        pictures.whole[key] = to_gray(frame, shown)
     if frame.stamp_ns in scrub:
-        pictures.small[key] = jpeg_uri(to_bgr(frame, scale))
+        pictures.small[key] = jpeg_uri(to_bgr(frame, shown))
 
 
 def jpeg_uri(image: Image) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from stab_ros.core.gray import depth_scale, to_gray
+from stab_ros.core.gray import grey_range, to_gray
 from stab_ros.core.types import FloatArray, Frame, Image
 from stab_ros.tracking.stabilizer import Stabilizer
 
@@ -15,7 +15,7 @@ _SUBPIXEL_BITS = 4
 
 def draw_debug(frame: Frame, stabilizer: Stabilizer) -> Image:
     """The frame just tracked, (h, w, 3) bgr8, its features circled: green used, red rejected (all, while lost)."""
-    canvas = cv2.cvtColor(to_gray(frame, depth_scale(frame)), cv2.COLOR_GRAY2BGR)
+    canvas = cv2.cvtColor(to_gray(frame, grey_range(frame)), cv2.COLOR_GRAY2BGR)
     if stabilizer.last_match is not None:
         pairs, fit = stabilizer.last_match
         used = np.zeros(len(pairs), bool) if fit is None else fit.inlier

@@ -6,7 +6,7 @@ import dataclasses
 from dataclasses import dataclass
 
 from stab_ros.core.errors import InputError
-from stab_ros.core.gray import depth_scale, to_gray
+from stab_ros.core.gray import GreyRange, grey_range, to_gray
 from stab_ros.core.region import Area
 from stab_ros.core.types import BoolArray, Frame, Gray
 from stab_ros.imaging.camera import Camera
@@ -25,19 +25,19 @@ class Preprocessing:
             raise InputError(f"camera_info is for {self.camera.size[0]}x{self.camera.size[1]} px, "
                              f"the images have {frame.size[0]}x{frame.size[1]}")
 
-    def gray(self, frame: Frame, grey_scale: float) -> Gray:
-        """The frame as (h, w) uint8, undistorted. grey_scale: see `gray.depth_scale`."""
-        gray = to_gray(frame, grey_scale)
+    def gray(self, frame: Frame, shown: GreyRange) -> Gray:
+        """The frame as (h, w) uint8, undistorted. shown: see `gray.grey_range`."""
+        gray = to_gray(frame, shown)
         return gray if self.camera is None else self.camera.undistort(gray)
 
     def reference(self, frame: Frame) -> Reference | None:
         """A copy of the frame as the reference; None where it has too little texture."""
-        scale = depth_scale(frame)
-        gray = self.gray(frame, scale)
+        shown = grey_range(frame)
+        gray = self.gray(frame, shown)
         if not is_textured(gray):
             return None
         own = dataclasses.replace(frame, image=frame.image.copy())  # the caller may use its buffer again
-        return Reference(own, gray.copy(), scale)
+        return Reference(own, gray.copy(), shown)
 
     def allowed(self, area: Area, size: tuple[int, int]) -> BoolArray:
         """(h, w) bool: where `area` and the undistorted image leave room for features. size: width, height, px."""

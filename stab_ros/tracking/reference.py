@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from stab_ros.core.gray import GreyRange
 from stab_ros.core.types import Frame, Gray
 
 SMALLEST_PX = 64  # a side of an image that can be tracked
@@ -33,8 +34,8 @@ def is_textured(gray: Gray) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The frame that all others are brought back to. grey_scale: see `gray.depth_scale`."""
+    """The frame that all others are brought back to. shown: see `gray.grey_range`."""
 
     frame: Frame
     gray: Gray
-    grey_scale: float
+    shown: GreyRange

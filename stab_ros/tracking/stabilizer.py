@@ -10,6 +10,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from stab_ros.core.errors import InputError
+from stab_ros.core.gray import GreyRange, grey_range
 from stab_ros.core.region import Area
 from stab_ros.core.threads import use_threads
 from stab_ros.core.timeline import Timeline
@@ -177,8 +178,15 @@ class Stabilizer:
             allocate: makes the array of the result from shape and dtype.
 
         Returns:
-            The stabilised image. While LOST what `on_lost` demands; None: nothing.
+            The stabilised image, in the frame's `warped_encoding`. While LOST what `on_lost` demands; None: nothing.
         """
+        image = self._warped(frame, track, allocate)
+        if image is None or frame.warped_encoding == frame.encoding:
+            return image
+        return self._shown(frame).to_8_bit(image)
+
+    def _warped(self, frame: Frame, track: Track, allocate: Allocate) -> Image | None:
+        """`warp`, in the frame's own encoding."""
         H = track.ref_H_cur
         if H is None and self._setup.config.on_lost == "pass":
             return frame.image
@@ -330,7 +338,11 @@ class Stabilizer:
         return FrameStamp(self._frames - 1, frame.stamp_ns, self._timeline.now_ns)
 
     def _gray(self, frame: Frame, session: Session) -> Gray:
-        return self._setup.preprocessing.gray(frame, session.reference.grey_scale)
+        return self._setup.preprocessing.gray(frame, session.reference.shown)
+
+    def _shown(self, frame: Frame) -> GreyRange:
+        """The range of values in which a frame is shown: that of the reference, if there is one."""
+        return grey_range(frame) if self._present is None else self._present.reference.shown
 
     def _follow(self, session: Session, frame: Frame) -> None:
         """Buffers a frame, also in the rival of the reference; if neither finds it, it becomes the rival."""

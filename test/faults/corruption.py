@@ -18,7 +18,7 @@ import numpy as np
 
 from stab_ros.core.errors import InputError
 from stab_ros.io.bag import Message, open_bag
-from stab_ros.io.compressed_image import decode_compressed
+from stab_ros.io.compressed_image import decode_file
 from stab_ros.io.mcap_records import MAGIC, RECORD_HEAD
 
 HUGE = (2**31, 2**32 - 1, 2**40, 2**62, 2**63, 2**64 - 1)
@@ -81,7 +81,7 @@ KINDS: dict[str, Callable[[bytearray, random.Random], None]] = {
 # reading --------------------------------------------------------------------------------------------------------------
 def read(path: Path) -> tuple[list[Message], list[str]]:
     if path.suffix in (".png", ".jpg"):
-        decode_compressed(np.fromfile(path, np.uint8))
+        decode_file(np.fromfile(path, np.uint8))
         return [], []
     with open_bag(path) as reader:
         return list(reader.messages()), list(reader.warnings)

@@ -33,12 +33,12 @@ _SIZE = (4, 6)  # height, width of the pictures
 
 def images() -> Iterator[bytes]:
     for encoding in DECODED:
-        bits = 16 if "16" in encoding else 8
+        bits = 32 if encoding == "32FC1" else 16 if "16" in encoding else 8
         channels = 2 if encoding.startswith(("yu", "uy")) else {"b": 3, "r": 3}.get(encoding[0], 1)
         channels = 4 if encoding.startswith(("bgra", "rgba")) or encoding == "8UC4" else channels
         channels = 3 if encoding == "8UC3" else 1 if encoding.startswith("bayer") else channels
         step = _SIZE[1] * channels * bits // 8
-        for big_endian, padding in ((0, 0), (1, 2)):
+        for big_endian, padding in ((0, 0), (1, 4)):
             data = np.arange(_SIZE[0] * (step + padding), dtype=np.uint16).astype(np.uint8)
             message = JAZZY.types[IMAGE](_HEADER, *_SIZE, encoding, big_endian, step + padding, data)
             yield bytes(JAZZY.serialize_cdr(message, IMAGE, little_endian=not big_endian))
@@ -67,13 +67,32 @@ def png_files() -> Iterator[bytes]:
     yield _encoded(".png", _picture(1) & 128, cv2.IMWRITE_PNG_BILEVEL, 1)
 
 
-def _compressed(data: bytes) -> bytes:
-    message = JAZZY.types[COMPRESSED_IMAGE](_HEADER, "png", np.frombuffer(data, np.uint8))
+def tiff_and_webp_files() -> Iterator[bytes]:
+    for compression in (1, 5, 8, 32773):
+        for bits in (8, 16):
+            yield _encoded(".tiff", _picture(3, bits), cv2.IMWRITE_TIFF_COMPRESSION, compression)
+    for quality in (60, 101):
+        for channels in (3, 4):
+            yield _encoded(".webp", _picture(channels), cv2.IMWRITE_WEBP_QUALITY, quality)
+
+
+def compressed_depths() -> Iterator[bytes]:
+    png = _encoded(".png", _picture(1, 16))
+    yield _compressed(bytes(12) + png, "16UC1; compressedDepth png")
+    yield _compressed(struct.pack("<iff", 0, 10100.0, -335.0) + png, "32FC1; compressedDepth png")
+
+
+def _compressed(data: bytes, message_format: str = "png") -> bytes:
+    message = JAZZY.types[COMPRESSED_IMAGE](_HEADER, message_format, np.frombuffer(data, np.uint8))
     return bytes(JAZZY.serialize_cdr(message, COMPRESSED_IMAGE))
 
 
 def compressed_images() -> Iterator[bytes]:
     yield from map(_compressed, (*jpeg_files(), *png_files()))
+
+
+def compressed_tiff_and_webp() -> Iterator[bytes]:
+    yield from map(_compressed, tiff_and_webp_files())
 
 
 def camera_infos() -> Iterator[bytes]:
@@ -175,7 +194,8 @@ def metadata_files() -> Iterator[bytes]:
 
 
 SEEDS: dict[str, Callable[[], Iterator[bytes]]] = {
-    "image": images, "stamp": images, "compressed": compressed_images, "png_with_crc": png_files, "jpeg": jpeg_files,
+    "image": images, "stamp": images, "compressed": compressed_images, "tiff_webp": compressed_tiff_and_webp,
+    "compressed_depth": compressed_depths, "png_with_crc": png_files, "jpeg": jpeg_files,
     "camera": camera_infos, "homography": camera_infos, "mcap": mcap_files, "db3": db3_files, "bag": bag_files,
     "metadata": metadata_files, "points": points_tables, "point_list": point_lists, "polygons": polygons,
     "polygon_file": polygons, "mask": png_files, "static_map": png_files, "homographies": homography_tables,

@@ -42,9 +42,9 @@ def _image(msgtype: str) -> Read:
         frame = read_image(cdr, msgtype)
         assert frame.image.flags.c_contiguous
         assert frame.image.flags.aligned
-        assert frame.image.dtype in (np.uint8, np.uint16)
+        assert frame.image.dtype in (np.uint8, np.uint16, np.float32)
         assert frame.size == frame.image.shape[1::-1]
-        int(frame.image.sum())  # every byte can be read
+        float(frame.image.sum(dtype=np.float64))  # every byte can be read
 
     return read
 
@@ -101,8 +101,10 @@ _YAML = (*_NUMBERS, b"&a ", b"*a", b"<<: *x", b"!!binary", b"!!timestamp x", b"!
          b"\xe2\x80\xa8", b"[a, {b: c}]", b"qos_overrides.")
 
 TARGETS: dict[str, Target] = {
-    "image": Target(_image(IMAGE), 190),
-    "compressed": Target(_image(COMPRESSED_IMAGE), 60),
+    "image": Target(_image(IMAGE), 150),
+    "compressed": Target(_image(COMPRESSED_IMAGE), 40),
+    "tiff_webp": Target(_image(COMPRESSED_IMAGE), 40),
+    "compressed_depth": Target(_image(COMPRESSED_IMAGE), 20),
     "jpeg": Target(_file("input.jpg", lambda path: read_static_map({"static_map": path})), 20),
     "png_with_crc": Target(_png_with_crc, 40),
     "mask": Target(_file("mask.png", lambda path: read_area({"exclude": path})), 20),

@@ -29,6 +29,8 @@ def ros_image(pixels: np.ndarray, encoding: str, padding: int = 0, big_endian: b
 
 def random_pixels(encoding: str, rng: np.random.Generator) -> np.ndarray:
     """7 rows of 9 pixels."""
+    if encoding == "32FC1":
+        return np.asarray(rng.normal(290, 5, (7, 9)), np.float32)
     dtype = np.uint16 if "16" in encoding else np.uint8
     channels = {"b": 3, "r": 3, "8UC3": 3}.get(encoding if encoding == "8UC3" else encoding[0], 1)
     channels = 4 if encoding in ("bgra8", "rgba8", "8UC4") else channels

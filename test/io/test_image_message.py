@@ -71,7 +71,7 @@ def changed(**fields: object) -> bytes:
     ({"data": array("B", bytes(25))}, "holds 25 bytes"),
     ({"height": 2**31, "step": 2**31, "data": array("B", bytes(4))}, "pixels"),
     ({"encoding": ""}, "encoding ''"),
-    ({"encoding": "32FC1"}, "32FC1"),
+    ({"encoding": "64FC1"}, "64FC1"),
     ({"encoding": "mono8\n" * 100}, "encoding"),
     ({"encoding": "bgr8"}, "step 6"),
     ({"encoding": "8UC99999999999"}, "encoding"),
