@@ -41,6 +41,7 @@ class State(Enum):
 class LostReason(Enum):
     """Why a frame was not registered, in the order of how far its registration came."""
 
+    INTERNAL = "internal error"  # of the tracker itself
     UNUSABLE = "unusable image"  # it cannot be decoded, or does not fit the stream
     UNANSWERED = "no answer"  # it was never tracked, so nothing is known of it
     NO_TEXTURE = "no texture"

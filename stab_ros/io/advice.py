@@ -17,6 +17,7 @@ _MUCH_FIXED = 0.005  # of the picture
 _TO_TRY: Mapping[LostReason, str] = MappingProxyType({
     LostReason.UNUSABLE: "images must be readable and of one size; `stab-ros recover` saves what is readable in a "
                          "damaged bag",
+    LostReason.INTERNAL: "this is a bug of stab_ros, which the log describes; please report it",
     LostReason.UNANSWERED: "see whether the tracker was running, and what it logged",
     LostReason.NO_TEXTURE: "the picture is flat, dark, covered or out of focus; see to exposure, focus and lens, or "
                            "leave that part of the recording out",

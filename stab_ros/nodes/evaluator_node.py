@@ -21,6 +21,7 @@ from stab_ros.nodes.backlog import Backlog
 from stab_ros.nodes.evaluator_inputs import EvaluatorInputs
 from stab_ros.nodes.evaluator_publishers import EvaluatorPublishers
 from stab_ros.nodes.evaluator_status import EvaluatorStatus
+from stab_ros.nodes.failures import Failures
 from stab_ros.nodes.runtime import StabNode
 from stab_ros.nodes.spinner import Spinner
 from stab_ros.parameters.engines import make_evaluator
@@ -61,6 +62,7 @@ class EvaluatorNode(StabNode):
         limit_bytes = round(self.settings.backlog_mb * 1e6)
         self._backlog, self._pairing = Backlog(limit_bytes), Pairing(False, limit_bytes)
         self._inputs: EvaluatorInputs | None = None
+        self._failures = Failures(self.get_logger())
         self._overran = False  # the backlog has been more than half full
         self._progress_ns = 0  # free time when the pairing last released a frame, or began to wait
         self._awaits_reference = True
@@ -174,20 +176,33 @@ class EvaluatorNode(StabNode):
 
     def _measure_one(self) -> None:
         self._overran |= self._backlog.crowded
-        item = self._backlog.pop()
+        item, errors = self._backlog.pop(), self._failures.count
         try:
-            if isinstance(item, Frame):
-                self._awaits_reference = False
-                self.evaluator.use_reference(item)
-            else:
-                self._publish(self._measured(item))
+            with self._failures:
+                self._take_up(item)
         except InputError as error:
             self.status.on_refused(Level.ERROR, f"nothing can be measured: {error}", time.monotonic_ns())
             self.get_logger().error(f"nothing can be measured: {error}", throttle_duration_sec=_LOG_EVERY_S)
+        if self._failures.count > errors:
+            self.status.on_failure(self._failures.count, self._failures.last, time.monotonic_ns())
         if self._overran and not self._backlog:
             self._overran = False
             give_back_memory()  # of hundreds of images
         self._alarm()
+
+    def _take_up(self, item: Arrival | Frame) -> None:
+        """Measures a frame, or against another reference from now on."""
+        if isinstance(item, Frame):
+            self._awaits_reference = False
+            self.evaluator.use_reference(item)
+        else:
+            self._publish(self._measured(item))
+
+    def on_failure(self, error: BaseException) -> None:
+        if not isinstance(error, Exception):
+            raise error
+        self._failures.note(error)
+        self.status.on_failure(self._failures.count, self._failures.last, time.monotonic_ns())
 
     def _measured(self, arrival: Arrival) -> FrameMetrics:
         check, due = not self._backlog.crowded, self.evaluator.check_is_due

@@ -69,6 +69,11 @@ class EvaluatorStatus:
         self._counts["frames_refused"] += 1
         self._problem(now_ns, level, "", text)
 
+    def on_failure(self, errors: int, text: str, now_ns: int) -> None:
+        """errors: internal ones so far. text: the last one."""
+        self._counts["internal_errors"] = errors
+        self._problem(now_ns, Level.ERROR, "", text)
+
     def on_skipped(self, arrival: Arrival, now_ns: int) -> None:
         """A frame that is dropped because the backlog is full."""
         self._counts["frames_skipped"] += 1
@@ -139,6 +144,7 @@ class EvaluatorStatus:
             "frames_refused": counts["frames_refused"],
             "frames_skipped": counts["frames_skipped"],
             "checks_skipped": counts["checks_skipped"],
+            "internal_errors": counts["internal_errors"],
             "delay_s": f"{delay_ns / 1e9:.3f}",
         }
         latest = self._measured[-1][1] if self._measured else {}

@@ -66,6 +66,10 @@ class StabNode(Node):
     def prepare(self) -> None:
         """Called once before `work`."""
 
+    def on_failure(self, error: BaseException) -> None:
+        """An error has escaped a callback; raised again, it ends the node."""
+        raise error
+
     def work(self, spinner: Spinner) -> None:
         """The main loop; returns when `spinner.stopping`, or when there is nothing left to do."""
         while not spinner.stopping:
@@ -118,7 +122,7 @@ def _spin(node: StabNode, stop: StopRequest, compilation: BackgroundCompilation 
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
-        spinner = Spinner(executor, stop, node.free)
+        spinner = Spinner(executor, stop, node.free, node.on_failure)
         if compilation is not None:
             _compile(node, spinner, compilation)
         if not spinner.stopping:

@@ -16,12 +16,14 @@ _SETTLED_NS, _LONG_NS = 3 * SECOND_NS // 10, SECOND_NS  # of free time
 
 
 class Spinner:
-    """Lets the `work` of a node be a plain loop. free: is told of every wait."""
+    """Lets the `work` of a node be a plain loop. free: is told of every wait. failed: of what escapes a callback."""
 
-    def __init__(self, executor: SingleThreadedExecutor, stop: StopRequest, free: FreeTime) -> None:
+    def __init__(self, executor: SingleThreadedExecutor, stop: StopRequest, free: FreeTime,
+                 failed: Callable[[BaseException], None]) -> None:
         self._executor = executor
         self._stop = stop
         self._free = free
+        self._failed = failed
 
     @property
     def stopping(self) -> bool:
@@ -39,7 +41,7 @@ class Spinner:
             callback()
             failure = callback.exception()
             if failure is not None:
-                raise failure
+                self._failed(failure)
 
     def drain(self, progress: Callable[[], int]) -> None:
         """Runs callbacks until the queues seem empty.

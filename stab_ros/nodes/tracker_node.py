@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -19,6 +20,7 @@ from stab_ros.io.image_message import read_image
 from stab_ros.io.topics import HOMOGRAPHY_TOPIC
 from stab_ros.nodes import params
 from stab_ros.nodes.camera_info_subscription import CameraInfoSubscription
+from stab_ros.nodes.failures import Failures
 from stab_ros.nodes.image_input import ImageInput
 from stab_ros.nodes.lost_log import LostLog
 from stab_ros.nodes.reference_file import ReferenceFile
@@ -74,7 +76,7 @@ class TrackerNode(StabNode):
             may_pass=self._knows_camera, take=self._track, dropped=self.status.on_dropped)
         self._warnings = ThrottledWarnings(self.get_logger())
         self._lost_log, self._fixed = LostLog(self.get_logger(), self._warnings), FixedToCamera()
-        self._stamps = StampMonitor()
+        self._stamps, self._failures = StampMonitor(), Failures(self.get_logger())
         self._file = ReferenceFile(self.settings.reference_path, self.get_logger())
         self._file.check_camera(self.camera is not None)
         self._pending: dict[int, _Pending] = {}  # by index of the frame
@@ -147,17 +149,31 @@ class TrackerNode(StabNode):
                 self.status.on_dropped(1)
                 self._warn_of_stamp(Advance.SAME)
                 return
-            tracks = self.stabilizer.answers(frame)
+            self._pending[index] = _Pending(header_of(frame), frame.size, source_ns)
+            tracks = self._answered(lambda: self.stabilizer.answers(frame))
         except InputError as error:
+            self._pending.pop(index, None)
             self.status.on_refused()
             self._warn("refused", f"refused an image: {error}")
             return
         self._count(frame)
-        self._pending[index] = _Pending(header_of(frame), frame.size, source_ns)
         self._publish_tracks(tracks)
         self._publish_references()
         if tracks and tracks[-1].index == index:
             self.outputs.send_images(frame, tracks[-1], self.stabilizer)
+
+    def _answered(self, answer: Callable[[], list[Track]]) -> list[Track]:
+        """What the engine answers; where it fails, all frames that wait for an answer are LOST."""
+        with self._failures:
+            return answer()
+        self.status.on_failure(self._failures.count, self._failures.last)
+        return [self.stabilizer.fail(index, one.header.stamp_ns) for index, one in self._pending.items()]
+
+    def on_failure(self, error: BaseException) -> None:
+        if not isinstance(error, Exception):
+            raise error
+        self._failures.note(error)
+        self.status.on_failure(self._failures.count, self._failures.last)
 
     def _count(self, frame: Frame) -> None:
         """A tracked image: warns of gaps before it and of irregular stamps."""
@@ -170,7 +186,8 @@ class TrackerNode(StabNode):
         """Publishes results for the frames in the start-up buffer if no more images come to fill it."""
         timeout, free_ns = self.status.timeout, self.free.ns
         ended = publishers == 0 and timeout.is_stale(free_ns)
-        tracks = self.stabilizer.pause(ended) if ended or timeout.is_pause(free_ns) else []
+        over = ended or timeout.is_pause(free_ns)
+        tracks = self._answered(lambda: self.stabilizer.pause(ended)) if over else []
         if tracks:
             self._publish_tracks(tracks)
             self._publish_references()
@@ -249,7 +266,7 @@ class TrackerNode(StabNode):
 
     # services and parameters -----------------------------------------------------------------------------------------
     def _reset_reference(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._publish_tracks(self.stabilizer.finish())
+        self._publish_tracks(self._answered(self.stabilizer.finish))
         self._file.discard()
         self.stabilizer.reset_reference()
         response.success, response.message = True, "the next frame becomes the reference"

@@ -30,7 +30,7 @@ class TrackerStatus:
         self.before = 0  # images published before the first that was received
         self.ground = GroundState.UNDECIDED
         self.timeout = StreamTimeout(stale_ns)
-        self._received = self._tracked = self._lost = self._dropped = self._refused = 0
+        self._received = self._tracked = self._lost = self._dropped = self._refused = self._errors = 0
         self._warnings: dict[str, str] = {}  # by kind, until the next report
         self._latency_ns = 0
         self._track: Track | None = None
@@ -58,6 +58,11 @@ class TrackerStatus:
     def on_dropped(self, images: int) -> None:
         """Images that were published but not tracked."""
         self._dropped += images
+
+    def on_failure(self, errors: int, text: str) -> None:
+        """errors: internal ones so far. text: the last one."""
+        self._errors = errors
+        self.warn("internal", text)
 
     def warn(self, kind: str, text: str) -> None:
         """A warning for the next report; the last one of each kind is kept."""
@@ -102,6 +107,7 @@ class TrackerStatus:
             "frames_dropped": str(self._dropped),
             "frames_refused": str(self._refused),
             "frames_before": str(self.before),
+            "internal_errors": str(self._errors),
             **self.stamps,
             "matches": str(track.matches if track else 0),
             "inliers": str(track.inliers if track else 0),

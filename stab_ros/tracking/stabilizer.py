@@ -169,6 +169,24 @@ class Stabilizer:
             self._happens(Event.DECIDED)
         return self._all_noted(tracks)
 
+    def fail(self, index: int, stamp_ns: int) -> Track:
+        """Answers a frame at which an unforeseen error has ended a call; a start-up begins anew with the next frame.
+
+        Args:
+            index: number of the frame in the stream, as `frames` was before it.
+            stamp_ns: its header stamp, ns.
+
+        Returns:
+            LOST.
+        """
+        self._rival = None
+        self._frames = max(self._frames, index + 1)
+        if self._session is not None:
+            self._session.ground.buffer = None
+        if self._state is TrackerState.STARTING:
+            self._happens(Event.RESET)
+        return self._noted(self._lost(FrameStamp(index, stamp_ns, self._timeline.now_ns), LostReason.INTERNAL))
+
     def warp(self, frame: Frame, track: Track, allocate: Allocate = np.empty) -> Image | None:
         """Warps a frame to the reference.
 
@@ -414,17 +432,16 @@ class Stabilizer:
         """Makes the frame the reference if it has enough features."""
         session = self._new_session(stamp, frame)
         if session is None:
-            return self._noted(self._lost(stamp))
+            return self._noted(self._lost(stamp, LostReason.NO_TEXTURE))
         self._session, self._rival = session, None
         self._happens(Event.REFERENCE)
         return session.first(stamp)
 
-    def _lost(self, stamp: FrameStamp) -> Track:
-        """The answer to a frame that cannot become the reference."""
+    def _lost(self, stamp: FrameStamp, reason: LostReason) -> Track:
+        """The answer to a frame that no session has registered."""
         if self._present is not None:
-            return self._present.lost(stamp, LostReason.NO_TEXTURE)
-        return Track(State.LOST, stamp.index, stamp.stamp_ns, 0, self.reset_counter,
-                     lost_reason=LostReason.NO_TEXTURE)
+            return self._present.lost(stamp, reason)
+        return Track(State.LOST, stamp.index, stamp.stamp_ns, 0, self.reset_counter, lost_reason=reason)
 
     def _begin_buffering(self, session: Session) -> None:
         """Buffers the frames from here on, if there is anything to find out about the ground."""

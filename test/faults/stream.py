@@ -22,7 +22,7 @@ class TrackedStream:
     """
 
     def __init__(self, graph: Graph, qos: QoSProfile | int = 300, speak: bool = True, **parameters: Any) -> None:
-        self._graph, self._parameters = graph, {**_SETTINGS, **parameters}
+        self._graph, self._parameters = graph, {**_SETTINGS, **parameters}  # `program` may be among them
         self.answers: list[Any] = graph.listen(CameraInfo, "/homography", 500)
         self.diagnostics: list[Any] = graph.listen(DiagnosticArray, "/diagnostics")
         self.tracker = graph.start("tracker_node", **self._parameters)

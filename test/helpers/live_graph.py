@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from array import array
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -41,10 +41,11 @@ def next_domain() -> int:
 
 
 class NodeProcess:
-    """One of our nodes, running; its output is in a file."""
+    """One of our nodes, running; its output is in a file. program: another one than the node's executable."""
 
-    def __init__(self, name: str, arguments: list[str], environment: Mapping[str, str], log: Path) -> None:
-        words = [sys.executable, "-m", f"stab_ros.nodes.{name.removesuffix('_node')}", *arguments]
+    def __init__(self, name: str, arguments: list[str], environment: Mapping[str, str], log: Path,
+                 program: Sequence[str] = ()) -> None:
+        words = [sys.executable, *(program or ("-m", f"stab_ros.nodes.{name.removesuffix('_node')}")), *arguments]
         self._log = log
         with log.open("wb") as output:
             self.process = subprocess.Popen(words, env=environment, stdout=output, stderr=subprocess.STDOUT)
@@ -78,17 +79,17 @@ class Graph:
         self._processes: list[NodeProcess] = []
 
     def start(self, name: str, namespace: str = "", remap: Mapping[str, str] | None = None,
-              **parameters: object) -> NodeProcess:
+              program: Sequence[str] = (), **parameters: object) -> NodeProcess:
         arguments = ["--ros-args"]
         for parameter, value in parameters.items():
             arguments += ["-p", f"{parameter}:={json.dumps(value)}"]
         for rule in {**({"__ns": namespace} if namespace else {}), **(remap or {})}.items():
             arguments += ["-r", ":=".join(rule)]
-        return self.run(name, arguments)
+        return self.run(name, arguments, program)
 
-    def run(self, name: str, arguments: list[str]) -> NodeProcess:
+    def run(self, name: str, arguments: list[str], program: Sequence[str] = ()) -> NodeProcess:
         log = self._folder / f"{len(self._processes)}_{name}.log"
-        self._processes.append(NodeProcess(name, arguments, self.environment, log))
+        self._processes.append(NodeProcess(name, arguments, self.environment, log, program))
         return self._processes[-1]
 
     def until(self, condition: Callable[[], Any], what: str) -> None:

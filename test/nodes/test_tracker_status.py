@@ -34,7 +34,8 @@ def test_status_counts_what_happens() -> None:
     assert report.values == {
         "state": "TRACKED", "method": "direct", "frames_in": "1", "frames_tracked": "1", "frames_lost": "0",
         "lost_reason": "",
-        "frames_dropped": "3", "frames_refused": "0", "frames_before": "0", "matches": "50", "inliers": "45",
+        "frames_dropped": "3", "frames_refused": "0", "frames_before": "0",
+        "internal_errors": "0", "matches": "50", "inliers": "45",
         "rmse_px": "0.25", "sigma_px": "0.125", "latency_ms": "12.346", "reset_counter": "0", "ground": "undecided",
         "rival_share": "", "parallax_px": "", "parallax_deg": "", "rows_px": "",
     }

@@ -22,7 +22,7 @@ from truth import (
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import apply
-from stab_ros.core.types import Correspondences, Fit, Frame, Gray, Image, State
+from stab_ros.core.types import Correspondences, Fit, Frame, Gray, Image, LostReason, State
 from stab_ros.methods import METHODS
 from stab_ros.parameters.engines import make_stabilizer, reconfigure
 from stab_ros.tracking.motion import CameraMotion
@@ -270,3 +270,17 @@ def test_settings_before_the_first_frame_count_from_it() -> None:
     reconfigure(stabilizer, {})
     track = stabilizer.track(frame(picture(), 1))
     assert (track.state, track.index) == (State.TRACKED, 1)
+
+
+def test_a_start_up_that_fails_begins_anew() -> None:
+    stabilizer: Stabilizer = make_stabilizer({"start_s": 0.1})
+    for k in range(3):
+        stabilizer.answers(frame(picture(translation(0.1 * k, 0)), k))
+    failed = [stabilizer.fail(k, frame(picture(), k).stamp_ns) for k in (1, 2)]
+    assert [track.lost_reason for track in failed] == [LostReason.INTERNAL] * 2
+    assert not stabilizer.buffering
+    later = [track for k in range(3, 9) for track in stabilizer.answers(frame(picture(translation(0.1 * k, 0)), k))]
+    later += stabilizer.finish()
+    assert [track.index for track in later] == list(range(3, 9))
+    assert {track.reset_counter for track in later} == {1}
+    assert all(track.tracked for track in later)
