@@ -1,6 +1,7 @@
-"""What video files and folders of images have in common: frames without messages, stamped by their number.
+"""What video files and folders of images have in common: frames without messages.
 
-Stamps are 1 s + frame/fps: the first frame is not stamped 0, which ROS takes for "no time".
+Stamps are 1 s + frame/fps, or the times of a video from 1 s on: the first frame is not stamped 0, which ROS takes for
+"no time".
 """
 
 from __future__ import annotations
@@ -21,11 +22,17 @@ Decoded = Frame | MessageError
 
 
 class FrameReader(Protocol):
-    """A stream of frames without messages. count: None if the file does not announce it."""
+    """A stream of frames without messages."""
 
-    fps: float
-    count: int | None
     warnings: list[str]
+
+    @property
+    def fps(self) -> float:
+        """Frames per second; their mean, if that varies."""
+
+    @property
+    def count(self) -> int | None:
+        """Number of frames; None if the file does not announce it."""
 
     def frames(self) -> Iterator[tuple[int, Decoded]]:
         """Stamp in ns and what was decoded."""

@@ -2,59 +2,138 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
 from pathlib import Path
 
-import cv2
-import numpy as np
+from av.error import FFmpegError
 
-from stab_ros.core.errors import InputError
-from stab_ros.core.types import Frame, Image
-from stab_ros.io.frame_reader import DEFAULT_FPS, FRAME_ID, MAX_FPS, Decoded, stamp_ns
+from stab_ros.core.text import one_line
+from stab_ros.core.types import Frame
+from stab_ros.io.frame_reader import FIRST_STAMP_NS, FRAME_ID, Decoded
+from stab_ros.io.video_clock import Pace, VideoClock, pace
+from stab_ros.io.video_packets import Packets, decode
+from stab_ros.io.video_picture import Deinterlacer, Turn, to_bgr
+from stab_ros.io.video_stream import (
+    announced_s,
+    choose_stream,
+    codec_of,
+    open_container,
+    others,
+    timing_of,
+    undecodable,
+)
 
 VIDEO_SUFFIXES = (".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".mts", ".m2ts", ".ts", ".wmv",
-                  ".flv", ".3gp", ".ogv", ".mjpeg", ".mjpg", ".y4m", ".h264", ".h265")
+                  ".flv", ".3gp", ".ogv", ".mjpeg", ".mjpg", ".y4m", ".h264", ".h265", ".hevc", ".mxf", ".gif")
+_MISSING_SHARE, _MISSING_FRAMES = 0.1, 5  # at the end, from which on a file counts as cut
+
+
+@dataclass(frozen=True)
+class VideoFacts:
+    """What a video file says of itself, and what its packets say.
+
+    Attributes:
+        codec, pixels: names of codec and pixel format in FFmpeg.
+        nominal_fps: the rate that the file names, frames/s.
+        timed: does it hold times of presentation?
+        pace: number of frames and the steps between them.
+        cut: does the file end within a frame?
+    """
+
+    codec: str
+    pixels: str
+    nominal_fps: float
+    timed: bool
+    pace: Pace
+    cut: bool
 
 
 class VideoFile:
-    """A video, decoded by OpenCV to bgr8.
+    """A video, decoded by FFmpeg to bgr8 as a player shows it: turned upright, fields filled in.
 
     Raises:
-        InputError: the file cannot be decoded.
+        InputError: the file cannot be decoded (constructor and frames).
     """
 
     def __init__(self, path: Path, fps: float | None) -> None:
         self._path = path
-        self._capture = cv2.VideoCapture(str(path))
-        if not self._capture.isOpened():
-            raise self._undecodable()
-        own_fps = self._capture.get(cv2.CAP_PROP_FPS)
-        self.fps = fps or (own_fps if 0 < own_fps <= MAX_FPS else DEFAULT_FPS)
-        announced = self._capture.get(cv2.CAP_PROP_FRAME_COUNT)
-        self.count = int(announced) if math.isfinite(announced) and announced > 0 else None
-        self.warnings: list[str] = []
+        self._container = open_container(path)
+        self._stream = choose_stream(path, self._container)
+        self._stream.thread_type = "AUTO"
+        self._given_fps = fps
+        self._timing = timing_of(self._stream, fps)
+        self.warnings = [f"{path}: {line}" for line in others(self._container, self._stream)]
+
+    @property
+    def count(self) -> int | None:
+        """As announced; that includes what an edit list hides, which the duration does not."""
+        by_time = round((announced_s(self._container, self._stream) or 0) * self._timing.fps)
+        return min((count for count in (self._stream.frames, by_time) if count > 0), default=None)
+
+    @property
+    def fps(self) -> float:
+        """The nominal rate or, where the times vary, the mean one: for it all packets are read."""
+        return self._given_fps or self.facts.pace.fps
+
+    @cached_property
+    def facts(self) -> VideoFacts:
+        """Read from all packets of the file, none of which is decoded."""
+        with open_container(self._path) as container:
+            stream = choose_stream(self._path, container)
+            packets, timing = Packets(container, stream), timing_of(stream, None)
+            times = [packet.pts for packet in packets if packets.is_shown(packet)]
+        timed = timing.tick_s is not None and any(pts is not None for pts in times)
+        return VideoFacts(codec_of(self._stream), self._stream.codec_context.pix_fmt or "unknown pixels",
+                          float(timing.fps), timed, pace(timing, times), packets.cut)
 
     def frames(self) -> Iterator[tuple[int, Decoded]]:
-        number = 0
-        while (image := self._read()) is not None:
-            stamp = stamp_ns(number, self.fps)
-            yield stamp, Frame(image, "bgr8", stamp, FRAME_ID)
-            number += 1
-        if number == 0:
-            raise self._undecodable()
-        if self.count is not None and number < self.count:
-            self.warnings.append(f"{self._path}: {number} of the {self.count} frames it announces can be decoded")
+        packets, clock = Packets(self._container, self._stream), VideoClock(self._timing)
+        fields = Deinterlacer(self._stream.time_base or Fraction(1, 90_000))
+        turn = None
+        try:
+            for shown in fields(decode(packets, self._stream)):
+                if turn is None:
+                    turn = Turn.of(shown)
+                    self._tell(turn, fields)
+                stamp = clock.stamp_ns(shown.pts)
+                yield stamp, Frame(turn(to_bgr(shown)), "bgr8", stamp, FRAME_ID)
+        except FFmpegError as error:
+            raise undecodable(self._path, codec_of(self._stream), one_line(error.strerror)) from error
+        if clock.frames == 0:
+            raise undecodable(self._path, codec_of(self._stream))
+        self._warn(packets, clock)
 
     def close(self) -> None:
-        self._capture.release()
+        self._container.close()
 
-    def _read(self) -> Image | None:
-        try:
-            done, image = self._capture.read()
-        except cv2.error:
-            return None
-        return np.asarray(image) if done else None
+    def _tell(self, turn: Turn, fields: Deinterlacer) -> None:
+        """With the first frame: what is done to all."""
+        if str(turn):
+            self.warnings.append(f"{self._path}: frames are {turn}, as the file asks players to do")
+        if fields.filled:
+            self.warnings.append(f"{self._path}: interlaced; the lines of the first field of a frame are kept, and the "
+                                 "others filled in, as they show another moment")
 
-    def _undecodable(self) -> InputError:
-        return InputError(f"{self._path}: this video cannot be decoded; it must be a file that FFmpeg can play")
+    def _warn(self, packets: Packets, clock: VideoClock) -> None:
+        """After the last frame: what was not as it should be."""
+        number = clock.frames
+        frames = f"of its {max(packets.shown, number)} frames"
+        said = {
+            f"{number} {frames} can be decoded": number < packets.shown,
+            f"it is cut off after {number} frames": packets.cut or self._ends_early(clock),
+            f"holds no times; frame n is stamped 1 s + n/{float(self._timing.fps):g} s (--fps sets another rate)":
+                clock.missing == number,
+            f"the times of {clock.missing + clock.wrong} {frames} are missing, repeat or go back; they follow their "
+            "neighbours": clock.wrong > 0 or 0 < clock.missing < number,
+        }
+        self.warnings += [f"{self._path}: {line}" for line, true in said.items() if true]
+
+    def _ends_early(self, clock: VideoClock) -> bool:
+        announced, frame = announced_s(self._container, self._stream), 1 / float(self._timing.fps)
+        if announced is None or self._given_fps:
+            return False
+        missing_s = announced - frame - (clock.last_ns - FIRST_STAMP_NS) / 1e9
+        return missing_s > max(_MISSING_SHARE * announced, _MISSING_FRAMES * frame)

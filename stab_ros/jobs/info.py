@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from stab_ros.core.types import Frame
 from stab_ros.io.bag import BagReader, Topic, open_bag
 from stab_ros.io.image_message import read_image
 from stab_ros.io.source import IMAGE_TYPES, Kind, kind_of, open_source
+from stab_ros.io.video import VideoFacts, VideoFile
 
 
 def describe(path: Path) -> tuple[list[str], list[str]]:
@@ -19,7 +21,10 @@ def describe(path: Path) -> tuple[list[str], list[str]]:
     Raises:
         InputError: the input is missing or unreadable.
     """
-    if kind_of(path) is not Kind.BAG:
+    kind = kind_of(path)
+    if kind is Kind.VIDEO:
+        return _describe_video(path)
+    if kind is Kind.FOLDER:
         return _describe_pictures(path)
     with open_bag(path) as reader:
         return [f"{path}: {_span(reader)}", *_table(reader), *_images(reader)], reader.warnings
@@ -31,6 +36,25 @@ def _describe_pictures(path: Path) -> tuple[list[str], list[str]]:
         count = "an unknown number of" if source.count is None else source.count
         frames = f"{count} frames, {source.rate_hz():g} frames/s, {_picture(first.decoded)}"
         return [f"{path}: {kind_of(path).value}, {frames}"], source.warnings
+
+
+def _describe_video(path: Path) -> tuple[list[str], list[str]]:
+    with closing(VideoFile(path, None)) as video:
+        _, first = next(video.frames())
+        facts = video.facts
+        frames = f"{facts.pace.frames} frames, {video.fps:g} frames/s, {_picture(first)}"
+        times = f"{facts.pace.duration_s:.3f} s from the first frame to the last; {_times(facts)}"
+        cut = [f"{path}: it is cut off after {facts.pace.frames} frames"] if facts.cut else []
+        return [f"{path}: video, {frames}", f"  {facts.codec}, {facts.pixels}, {times}"], [*video.warnings, *cut]
+
+
+def _times(facts: VideoFacts) -> str:
+    if not facts.timed:
+        return f"no times in the file, {facts.nominal_fps:g} frames/s are assumed"
+    if facts.pace.constant:
+        return f"its times keep {facts.nominal_fps:g} frames/s"
+    return (f"it names {facts.nominal_fps:g} frames/s, but its times vary: {1e3 * facts.pace.shortest_s:.1f} to "
+            f"{1e3 * facts.pace.longest_s:.1f} ms from frame to frame")
 
 
 def _span(reader: BagReader) -> str:
