@@ -103,8 +103,8 @@ def _pixels(stream: VideoStream) -> int:
 
 def _reason(path: Path, error: FFmpegError | OSError) -> str:
     if _lacks_index(path):
-        return ("cannot be decoded, its index (moov) is missing: the recording was not closed; the camera can restore it, "
-                "or a tool as untrunc with a sound file of the same camera")
+        return ("cannot be decoded, its index (moov) is missing: the recording was not closed; the camera can restore "
+                "it, or a tool as untrunc with a sound file of the same camera")
     return f"this video cannot be decoded ({one_line(error.strerror or error)}); it must be a file that FFmpeg can play"
 
 

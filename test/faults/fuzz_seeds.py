@@ -193,6 +193,11 @@ def metadata_files() -> Iterator[bytes]:
            b"  relative_file_paths: [part.mcap]\n  compression_mode: ''\n  compression_format: ''\n")
 
 
+def _videos(*names: str) -> Iterator[bytes]:
+    for name in names:
+        yield (Path(__file__).resolve().parents[1] / "data" / "videos" / name).read_bytes()
+
+
 SEEDS: dict[str, Callable[[], Iterator[bytes]]] = {
     "image": images, "stamp": images, "compressed": compressed_images, "tiff_webp": compressed_tiff_and_webp,
     "compressed_depth": compressed_depths, "png_with_crc": png_files, "jpeg": jpeg_files,
@@ -200,6 +205,8 @@ SEEDS: dict[str, Callable[[], Iterator[bytes]]] = {
     "metadata": metadata_files, "points": points_tables, "point_list": point_lists, "polygons": polygons,
     "polygon_file": polygons, "mask": png_files, "static_map": png_files, "homographies": homography_tables,
     "parameters": parameter_files, "output_roi": output_rois,
+    "mp4": partial(_videos, "plain.mp4", "edit_list.mp4", "rotated.mp4", "av1.mp4", "interlaced.mp4"),
+    "avi": partial(_videos, "reordered.avi", "mjpeg.avi"), "mkv": partial(_videos, "vfr.mkv", "vp9.webm"),
 }
 
 

@@ -8,11 +8,13 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from stab_ros.core.types import Frame
 from stab_ros.imaging.window import Window
 from stab_ros.io.bag import open_bag
 from stab_ros.io.camera_message import read_camera
@@ -23,6 +25,7 @@ from stab_ros.io.image_message import read_image
 from stab_ros.io.points import read_points, read_tracking_points
 from stab_ros.io.regions import read_area
 from stab_ros.io.static_maps import read_static_map
+from stab_ros.io.video import VideoFile
 from stab_ros.parameters.file import read_config
 
 Read = Callable[[bytes], object]
@@ -78,6 +81,19 @@ def _bag(path: str) -> None:
         assert all(len(line.splitlines()) == 1 for line in reader.warnings), reader.warnings
 
 
+def _video(path: str) -> None:
+    with closing(VideoFile(Path(path), None)) as video:
+        last_ns = 0
+        for number, (stamp_ns, decoded) in enumerate(video.frames()):
+            assert stamp_ns > last_ns
+            assert isinstance(decoded, Frame)
+            last_ns = stamp_ns
+            if number > 50:
+                break
+        assert all(len(line.splitlines()) == 1 for line in video.warnings), video.warnings
+        assert video.fps > 0
+
+
 def _folder(data: bytes) -> None:
     Path("folder").mkdir(exist_ok=True)
     Path("folder/part.mcap").write_bytes(b"\x89MCAP0\r\n")
@@ -115,6 +131,9 @@ TARGETS: dict[str, Target] = {
     "mcap": Target(_file("input.mcap", _bag), 180),
     "db3": Target(_file("input.db3", _bag), 30),
     "bag": Target(_file("input.bag", _bag), 30),
+    "mp4": Target(_file("input.mp4", _video), 10),
+    "avi": Target(_file("input.avi", _video), 10),
+    "mkv": Target(_file("input.mkv", _video), 10),
     "metadata": Target(_folder, 15, (*_YAML, b"compression_mode", b"relative_file_paths", b"storage_identifier")),
     "points": Target(_file("points.csv", lambda path: read_points(Path(path))), 70, _CSV),
     "point_list": Target(_text(lambda text: read_tracking_points({"manual_points": text})), 40, _JSON),

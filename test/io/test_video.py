@@ -1,0 +1,194 @@
+"""Videos as cameras, phones and drones write them; made by ffmpeg, `test/data/make_videos.sh`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+
+from stab_ros.core.errors import InputError
+from stab_ros.core.types import Frame, Image
+from stab_ros.io.frame_reader import stamp_ns
+from stab_ros.io.video import VideoFile
+from stab_ros.io.video_clock import Timing, VideoClock
+from stab_ros.jobs.info import describe
+
+VIDEOS = Path(__file__).resolve().parents[1] / "data" / "videos"
+FRAMES = 12
+GRID = [stamp_ns(number, 25.0) for number in range(FRAMES)]  # the contract's 1 s + frame/fps
+
+
+def read(path: Path, fps: float | None = None) -> tuple[list[int], list[Image], list[str]]:
+    """Stamps in ns, pictures, warnings."""
+    video = VideoFile(path, fps)
+    frames = [(stamp, decoded.image) for stamp, decoded in video.frames() if isinstance(decoded, Frame)]
+    video.close()
+    return [stamp for stamp, _ in frames], [image for _, image in frames], video.warnings
+
+
+def by_opencv(path: Path) -> list[Image]:
+    capture = cv2.VideoCapture(str(path))
+    images: list[Image] = []
+    while True:
+        done, image = capture.read()
+        if not done:
+            return images
+        images.append(np.asarray(image))
+
+
+def write(path: Path, times_ms: list[int | None], options: dict[str, str]) -> Path:
+    """A video of gray pictures with these times, by PyAV."""
+    with av.open(str(path), "w", options=options) as container:
+        stream = container.add_stream("mpeg4", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
+        stream.codec_context.time_base = Fraction(1, 1000)
+        for number, time_ms in enumerate(times_ms):
+            frame = av.VideoFrame.from_ndarray(np.full((48, 64, 3), 9 * number, np.uint8), format="bgr24")
+            frame.pts, frame.time_base = time_ms, Fraction(1, 1000)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    return path
+
+
+@pytest.mark.parametrize("name", ["plain.mp4", "av1.mp4", "hevc10.mp4", "vp9.webm", "prores.mov", "mjpeg.avi",
+                                  "no_times.h264", "reordered.avi"])
+def test_every_codec_gives_the_pictures_and_the_stamps_of_a_constant_rate(name: str) -> None:
+    stamps, images, _ = read(VIDEOS / name)
+    assert stamps == GRID
+    for image, truth in zip(images, by_opencv(VIDEOS / "source.mkv"), strict=True):
+        assert np.abs(image.astype(int) - truth).mean() < 12  # coarse chroma at the edges of the test pattern
+
+
+@pytest.mark.parametrize("name", ["source.mkv", "plain.mp4", "odd.mp4", "mjpeg.avi", "vp9.webm", "rotated.mp4"])
+def test_pixels_are_those_of_opencv(name: str) -> None:
+    _, images, _ = read(VIDEOS / name)
+    for image, expected in zip(images, by_opencv(VIDEOS / name), strict=True):
+        assert image.shape == expected.shape
+        assert np.array_equal(image, expected)
+
+
+def test_a_variable_rate_keeps_its_times_and_its_mean() -> None:
+    times_ms = [40 * number + 7 * (number % 3) for number in range(FRAMES)]
+    stamps, _, _ = read(VIDEOS / "vfr.mkv")
+    assert [(stamp - 10**9) // 10**6 for stamp in stamps] == times_ms
+    assert VideoFile(VIDEOS / "vfr.mkv", None).fps == pytest.approx(1e3 * (FRAMES - 1) / times_ms[-1])
+    assert read(VIDEOS / "vfr.mkv", fps=25)[0] == GRID
+    assert "it names 25 frames/s, but its times vary: 26.0 to 47.0 ms" in describe(VIDEOS / "vfr.mkv")[0][1]
+
+
+def test_dropped_frames_leave_a_gap(tmp_path: Path) -> None:
+    path = write(tmp_path / "gap.mkv", [0, 33, 67, 200, 233], {})
+    assert [round((stamp - 10**9) / 1e6) for stamp in read(path)[0]] == [0, 33, 67, 200, 233]
+
+
+@pytest.mark.parametrize(("ticks", "expected_ms", "wrong", "missing"), [
+    ([0, 40, 80], [0, 40, 80], 0, 0),
+    ([500, 540, 580], [0, 40, 80], 0, 0),
+    ([None, None, None], [0, 40, 80], 0, 3),
+    ([0, None, 80], [0, 40, 80], 0, 1),
+    ([0, 40, 40, 80, 120], [0, 40, 60, 80, 120], 1, 0),
+    ([0, 80, 40, 120], [0, 80, 100, 120], 1, 0),
+    ([0, 40, 5000, 0, 40], [0, 40, 5000, 5040, 5080], 1, 0),
+])
+def test_times_that_are_missing_repeat_or_go_back(ticks: list[int | None], expected_ms: list[int], wrong: int,
+                                                  missing: int) -> None:
+    clock = VideoClock(Timing(Fraction(25), Fraction(1, 1000)))
+    assert [(clock.stamp_ns(pts) - 10**9) / 1e6 for pts in ticks] == expected_ms
+    assert (clock.wrong, clock.missing) == (wrong, missing)
+
+
+@pytest.mark.parametrize("fps", [Fraction(30000, 1001), Fraction(24), Fraction(60000, 1001), Fraction(240)])
+def test_a_coarse_clock_does_not_blur_a_constant_rate(fps: Fraction) -> None:
+    clock = VideoClock(Timing(fps, Fraction(1, 1000)))  # Matroska's milliseconds
+    stamps = [clock.stamp_ns(round(1000 * number / fps) + 21) for number in range(1000)]
+    assert stamps == [stamp_ns(number, float(fps)) for number in range(1000)]
+
+
+def test_a_file_without_times_says_so() -> None:
+    assert any("holds no times" in line for line in read(VIDEOS / "no_times.h264")[2])
+    assert "no times in the file" in describe(VIDEOS / "no_times.h264")[0][1]
+
+
+def test_fields_are_not_mixed() -> None:
+    """Frame k has fields of pictures 2k and 2k + 1: it shall be the former."""
+    stamps, images, said = read(VIDEOS / "interlaced.mp4")
+    with av.open(str(VIDEOS / "interlaced.mp4")) as container:
+        woven = [frame.to_ndarray(format="bgr24") for frame in container.decode(video=0)]
+    truth = by_opencv(VIDEOS / "source.mkv")[::2]
+    assert stamps == [stamp_ns(number, 12.5) for number in range(6)]
+    assert off(images, truth) < 0.6 * off(woven, truth)
+    assert any("interlaced" in line for line in said)
+    assert any("interlaced" in line for line in describe(VIDEOS / "interlaced.mp4")[1])
+
+
+def off(images: Sequence[Image], truth: Sequence[Image]) -> float:
+    """Mean absolute difference in the moving middle of the picture, grey levels."""
+    return float(np.mean([np.abs(a.astype(int) - b)[2:-2].mean() for a, b in zip(images, truth, strict=True)]))
+
+
+def test_an_edit_list_hides_frames_and_no_frame_lacks() -> None:
+    stamps, _, said = read(VIDEOS / "edit_list.mp4")
+    assert (stamps, said) == (GRID[:7], [])
+    assert "edit_list.mp4: video, 7 frames, 25 frames/s" in describe(VIDEOS / "edit_list.mp4")[0][0]
+
+
+def test_a_cut_file_is_read_to_its_end_and_told() -> None:
+    stamps, _, said = read(VIDEOS / "cut.mp4")
+    assert stamps == GRID[:8]
+    assert said == [f"{VIDEOS / 'cut.mp4'}: it is cut off after 8 frames"]
+    lines, told = describe(VIDEOS / "cut.mp4")
+    assert "8 frames" in lines[0]
+    assert told == said
+
+
+def test_damage_within_costs_the_frames_it_hits(tmp_path: Path) -> None:
+    damaged = tmp_path / "damaged.avi"
+    data = bytearray((VIDEOS / "mjpeg.avi").read_bytes())
+    at = [k for k in range(len(data)) if data[k : k + 4] == b"00dc"][5]
+    size = int.from_bytes(data[at + 4 : at + 8], "little")
+    data[at + 8 : at + 8 + size] = bytes(size)  # the fifth picture; an index comes first
+    damaged.write_bytes(data)
+    stamps, _, said = read(damaged)
+    assert stamps == GRID[:4] + GRID[5:]
+    assert said == [f"{damaged}: 11 of its 12 frames can be decoded"]
+
+
+def test_a_turned_video_is_shown_upright_and_told() -> None:
+    _, images, said = read(VIDEOS / "rotated.mp4")
+    assert images[0].shape == (96, 64, 3)
+    assert any("turned by" in line for line in said)
+    assert any("turned by" in line for line in describe(VIDEOS / "rotated.mp4")[1])
+
+
+def test_the_preview_is_not_taken_for_the_video() -> None:
+    _, images, said = read(VIDEOS / "preview.mp4")
+    assert images[0].shape == (64, 96, 3)
+    assert said == [f"{VIDEOS / 'preview.mp4'}: of several videos that of 96x64 is read, not 48x32"]
+
+
+def test_a_gif_is_a_video_with_its_own_times() -> None:
+    stamps, images, _ = read(VIDEOS / "delta.gif")
+    assert stamps == [stamp_ns(number, 12.5) for number in range(7)]
+    assert np.abs(images[3].astype(int) - by_opencv(VIDEOS / "source.mkv")[6]).mean() < 40  # of 256 colours
+
+
+@pytest.mark.parametrize(("name", "says"), [
+    ("cover.mp4", "holds no video, only a cover and audio"),
+    ("open.mp4", "its index (moov) is missing"),
+    ("text.mp4", "cannot be decoded"),
+    ("alien.mp4", "ffmpeg -i alien.mp4 -c:v libx264"),
+])
+def test_what_cannot_be_read_is_named_with_the_way_out(tmp_path: Path, name: str, says: str) -> None:
+    plain = (VIDEOS / "plain.mp4").read_bytes()
+    path = tmp_path / name
+    path.write_bytes({"cover.mp4": (VIDEOS / "cover.mp4").read_bytes(), "open.mp4": plain[: len(plain) // 2],
+                      "text.mp4": b"no video\n" * 99, "alien.mp4": plain.replace(b"avc1", b"XYZ1")}[name])
+    with pytest.raises(InputError) as caught:
+        read(path)
+    assert says in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
