@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 
 from av.error import FFmpegError
@@ -80,11 +81,14 @@ class VideoFile:
 
     @cached_property
     def facts(self) -> VideoFacts:
-        """Read from all packets of the file, none of which is decoded."""
+        """Read from all packets of the file; decoded only where a packet may be a field, half a frame."""
         with open_container(self._path) as container:
             stream = choose_stream(self._path, container)
             packets, timing = Packets(container, stream), timing_of(stream, None)
-            times = [packet.pts for packet in packets if packets.is_shown(packet)]
+            if self._is_interlaced():
+                times = [frame.pts for frame in decode(packets, stream)]
+            else:
+                times = [packet.pts for packet in packets if packets.is_shown(packet)]
         timed = timing.tick_s is not None and any(pts is not None for pts in times)
         return VideoFacts(codec_of(self._stream), self._stream.codec_context.pix_fmt or "unknown pixels",
                           float(timing.fps), timed, pace(timing, times), packets.cut)
@@ -104,10 +108,15 @@ class VideoFile:
             raise undecodable(self._path, codec_of(self._stream), one_line(error.strerror)) from error
         if clock.frames == 0:
             raise undecodable(self._path, codec_of(self._stream))
-        self._warn(packets, clock)
+        self._warn(packets, clock, fields)
 
     def close(self) -> None:
         self._container.close()
+
+    def _is_interlaced(self) -> bool:
+        with open_container(self._path) as container:
+            stream = choose_stream(self._path, container)
+            return any(frame.interlaced_frame for frame in islice(decode(Packets(container, stream), stream), 1))
 
     def _tell(self, turn: Turn, fields: Deinterlacer) -> None:
         """With the first frame: what is done to all."""
@@ -117,12 +126,14 @@ class VideoFile:
             self.warnings.append(f"{self._path}: interlaced; the lines of the first field of a frame are kept, and the "
                                  "others filled in, as they show another moment")
 
-    def _warn(self, packets: Packets, clock: VideoClock) -> None:
+    def _warn(self, packets: Packets, clock: VideoClock, fields: Deinterlacer) -> None:
         """After the last frame: what was not as it should be."""
         number = clock.frames
-        frames = f"of its {max(packets.shown, number)} frames"
+        frames = f"of its {max(packets.shown, number)} frames"  # packets of interlaced video may be fields
         said = {
-            f"{number} {frames} can be decoded": number < packets.shown,
+            f"{number} {frames} can be decoded": number < packets.shown and not fields.filled,
+            f"{packets.damaged} {frames} are damaged in the file; pictures may be wrong up to the next key frame":
+                packets.damaged > 0,
             f"it is cut off after {number} frames": packets.cut or self._ends_early(clock),
             f"holds no times; frame n is stamped 1 s + n/{float(self._timing.fps):g} s (--fps sets another rate)":
                 clock.missing == number,

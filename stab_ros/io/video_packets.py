@@ -16,11 +16,12 @@ class Packets:
 
     Attributes:
         shown: number of those so far that a player shows: an edit list hides what lies before its start.
+        damaged: number of those that the container knows to be damaged, as packets of a transport stream are missing.
         cut: does the file end within a frame? Known at the end.
     """
 
     def __init__(self, container: InputContainer, stream: VideoStream) -> None:
-        self.shown = 0
+        self.shown = self.damaged = 0
         self.cut = False
         self._container = container
         self._stream = stream
@@ -50,6 +51,7 @@ class Packets:
 
     def _counted(self, packet: Packet[VideoStream]) -> Packet[VideoStream]:
         self.shown += self.is_shown(packet)
+        self.damaged += packet.is_corrupt
         return packet
 
 

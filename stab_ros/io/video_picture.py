@@ -50,9 +50,9 @@ class Turn:
 
 _NAMES = {
     Turn(): "",
-    Turn(0, 1, -1, 0): "turned by 90 degrees",
+    Turn(0, 1, -1, 0): "turned clockwise by 90 degrees",
     Turn(-1, 0, 0, -1): "turned by 180 degrees",
-    Turn(0, -1, 1, 0): "turned by -90 degrees",
+    Turn(0, -1, 1, 0): "turned anticlockwise by 90 degrees",
     Turn(-1, 0, 0, 1): "mirrored",
     Turn(1, 0, 0, -1): "turned upside down",
     Turn(0, 1, 1, 0): "transposed",

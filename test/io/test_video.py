@@ -10,6 +10,7 @@ import av
 import cv2
 import numpy as np
 import pytest
+from av.video.stream import VideoStream
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.types import Frame, Image
@@ -41,14 +42,17 @@ def by_opencv(path: Path) -> list[Image]:
         images.append(np.asarray(image))
 
 
-def write(path: Path, times_ms: list[int | None], options: dict[str, str]) -> Path:
-    """A video of gray pictures with these times, by PyAV."""
-    with av.open(str(path), "w", options=options) as container:
-        stream = container.add_stream("mpeg4", rate=25)
+def write(path: Path, times_ms: list[int], codec: str = "mpeg4") -> Path:
+    """A video of noise with these times, by PyAV."""
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream(codec, rate=25)
+        assert isinstance(stream, VideoStream)
         stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
-        stream.codec_context.time_base = Fraction(1, 1000)
+        if codec == "mpeg4":
+            stream.codec_context.time_base = Fraction(1, 1000)
         for number, time_ms in enumerate(times_ms):
-            frame = av.VideoFrame.from_ndarray(np.full((48, 64, 3), 9 * number, np.uint8), format="bgr24")
+            picture = np.random.default_rng(number).integers(0, 255, (48, 64, 3), np.uint8)
+            frame = av.VideoFrame.from_ndarray(picture, format="bgr24")
             frame.pts, frame.time_base = time_ms, Fraction(1, 1000)
             container.mux(stream.encode(frame))
         container.mux(stream.encode(None))
@@ -82,7 +86,7 @@ def test_a_variable_rate_keeps_its_times_and_its_mean() -> None:
 
 
 def test_dropped_frames_leave_a_gap(tmp_path: Path) -> None:
-    path = write(tmp_path / "gap.mkv", [0, 33, 67, 200, 233], {})
+    path = write(tmp_path / "gap.mkv", [0, 33, 67, 200, 233])
     assert [round((stamp - 10**9) / 1e6) for stamp in read(path)[0]] == [0, 33, 67, 200, 233]
 
 
@@ -158,11 +162,20 @@ def test_damage_within_costs_the_frames_it_hits(tmp_path: Path) -> None:
     assert said == [f"{damaged}: 11 of its 12 frames can be decoded"]
 
 
+def test_damage_of_a_transport_stream_is_told(tmp_path: Path) -> None:
+    path = write(tmp_path / "hole.ts", [40 * number for number in range(40)], "mpeg2video")
+    data = path.read_bytes()
+    packets = [data[at : at + 188] for at in range(0, len(data), 188)]
+    path.write_bytes(b"".join(packets[: len(packets) // 2] + packets[len(packets) // 2 + 2 :]))
+    said = read(path)[2]
+    assert any("damaged" in line or "can be decoded" in line for line in said), said
+
+
 def test_a_turned_video_is_shown_upright_and_told() -> None:
     _, images, said = read(VIDEOS / "rotated.mp4")
     assert images[0].shape == (96, 64, 3)
-    assert any("turned by" in line for line in said)
-    assert any("turned by" in line for line in describe(VIDEOS / "rotated.mp4")[1])
+    assert any("turned anticlockwise" in line for line in said)
+    assert any("turned anticlockwise" in line for line in describe(VIDEOS / "rotated.mp4")[1])
 
 
 def test_the_preview_is_not_taken_for_the_video() -> None:
