@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
-
-import yaml
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.text import one_line
+from stab_ros.io.bag_metadata import bag_metadata
 from stab_ros.io.bag_types import BagReader, Message, Topic, definition_of, topic_of
 from stab_ros.io.bag_writer import BagWriter
+from stab_ros.io.image_names import image_files
 from stab_ros.io.mcap_reader import McapReader
 from stab_ros.io.rosbags_reader import RosbagsReader
 
 __all__ = ["BagReader", "BagWriter", "Message", "Topic", "definition_of", "open_bag", "topic_of"]
 
-_METADATA_LIMIT = 2**20  # characters of metadata.yaml: thousands of files and topics
 KINDS = "an .mcap, a rosbag2 folder or a ROS 1 .bag"
 
 
@@ -55,25 +53,20 @@ def _reader_of(path: Path) -> McapReader | RosbagsReader:
 def _folder_reader(folder: Path) -> McapReader | RosbagsReader:
     """Uncompressed MCAP files are read by `McapReader`, as they may be damaged; other rosbag2 folders by rosbags."""
     found = sorted(folder.glob("*.mcap"))
-    metadata = _metadata_of(folder)
+    metadata, beside = bag_metadata(folder), _images_beside(folder)
     if metadata.get("compression_mode", "").lower() not in ("", "none") or (metadata and not found):
-        return RosbagsReader(folder)
+        return RosbagsReader(folder, beside)
     if not found:
         raise InputError(f"{folder}: holds no readable metadata.yaml and no .mcap file, the recording must be {KINDS}")
     if not metadata:
-        return McapReader(found, [f"{folder}: has no readable metadata.yaml, all its .mcap files were taken"])
+        return McapReader(found, [f"{folder}: has no readable metadata.yaml, all its .mcap files were taken",
+                                  *beside])
     listed = [folder / Path(name).name for name in metadata["relative_file_paths"]]
     missing = [f"{one_line(path)}: is missing, its messages are lost" for path in listed if path not in found]
-    return McapReader([path for path in listed if path in found] or found, missing)
+    return McapReader([path for path in listed if path in found] or found, [*missing, *beside])
 
 
-def _metadata_of(folder: Path) -> dict[str, Any]:
-    """The content of metadata.yaml; empty if it is missing or damaged (a killed recorder leaves none)."""
-    try:
-        with (folder / "metadata.yaml").open(encoding="utf-8") as file:
-            text = file.read(_METADATA_LIMIT + 1)
-        found = {} if len(text) > _METADATA_LIMIT else yaml.safe_load(text)["rosbag2_bagfile_information"]
-        valid = all(isinstance(name, str) for name in found["relative_file_paths"])
-        return dict(found) if valid and isinstance(found.get("compression_mode", ""), str) else {}
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError, yaml.YAMLError):
-        return {}
+def _images_beside(folder: Path) -> list[str]:
+    """That a folder with a bag also holds images, which somebody may have meant."""
+    images = image_files(folder)
+    return [f"{folder}: is taken as a bag, the {len(images)} images in it are left out"] if images else []

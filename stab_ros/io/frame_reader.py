@@ -24,7 +24,9 @@ Decoded = Frame | MessageError
 class FrameReader(Protocol):
     """A stream of frames without messages."""
 
-    warnings: list[str]
+    @property
+    def warnings(self) -> list[str]:
+        """What could not be read or may not be expected, one line each; complete once all frames were read."""
 
     @property
     def fps(self) -> float:

@@ -9,62 +9,92 @@ import cv2
 import numpy as np
 
 from stab_ros.core.errors import InputError, MessageError
-from stab_ros.core.types import Frame
+from stab_ros.core.types import Frame, Image
+from stab_ros.io.capture_times import CaptureTimes
 from stab_ros.io.frame_reader import DEFAULT_FPS, FRAME_ID, Decoded, stamp_ns
+from stab_ros.io.image_metadata import ImageMetadata, read_metadata, turned
+from stab_ros.io.image_names import image_files, name_remarks
+from stab_ros.io.orientation import Orientation
+from stab_ros.io.stored_image import StoredImage, stored_images
+from stab_ros.io.tiff_pages import DamagedTiffError
 
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm", ".pnm", ".jp2")
 _ENCODING = {(1, "uint8"): "mono8", (1, "uint16"): "mono16", (3, "uint8"): "bgr8", (4, "uint8"): "bgra8"}
 
 
 class ImageFolder:
-    """A folder of images of one size, in the order of their names; as stored (no EXIF rotation), 8 or 16 bit.
+    """A folder of images of one size, 8 or 16 bit, in the order of the numbers in their names; TIFF files page by page.
 
     Raises:
         InputError: two sizes (while reading).
     """
 
     def __init__(self, folder: Path, fps: float | None) -> None:
-        self._files = image_files(folder)
+        files = image_files(folder)
+        found = [stored_images(file) for file in files]
+        self._folder = folder
+        self._images = [image for images, _ in found for image in images]
+        self._said = [*name_remarks(folder, files), *(remark for _, remark in found if remark)]
         self.fps = fps or DEFAULT_FPS
-        self.count: int | None = len(self._files)
-        self.warnings: list[str] = []
+        self.count: int | None = len(self._images)
+        self._first: tuple[StoredImage, Frame] | None = None  # that can be decoded
+        self._orientation, self._times = Orientation(), CaptureTimes()
+        self._metadata(len(self._images) - 1)  # so that the rate is known before all is read
+
+    @property
+    def warnings(self) -> list[str]:
+        found = (self._orientation.remark, self._times.remark(self.fps))
+        return [*self._said, *(f"{self._folder}: {remark}" for remark in found if remark)]
 
     def frames(self) -> Iterator[tuple[int, Decoded]]:
-        first: tuple[Path, Frame] | None = None
-        for number, file in enumerate(self._files):
+        for number in range(len(self._images)):
             stamp = stamp_ns(number, self.fps)
-            frame = _decode(file, stamp)
-            if isinstance(frame, Frame):
-                first = first or (file, frame)
-                _check_size(first, (file, frame))
-            yield stamp, frame
+            yield stamp, self._frame(number, stamp)
 
     def close(self) -> None:
         """Nothing stays open between images."""
 
+    def _frame(self, number: int, stamp: int) -> Decoded:
+        image, about = self._images[number], self._metadata(number)
+        if about.pictures > 1:
+            return MessageError(f"{image.file} is an animation of {about.pictures} pictures, each must be a file of "
+                                f"its own: ffmpeg -i {image.file.name} frame%04d.png")
+        pixels, path = _pixels(image), image.file.parent / image.name
+        if pixels is None:
+            return MessageError(f"{path} cannot be decoded")
+        decoded = _decoded(turned(pixels, self._orientation.take(image.name, about.orientation)), path, stamp)
+        if isinstance(decoded, Frame):
+            self._first = self._first or (image, decoded)
+            _check_size(*self._first, image, decoded)
+        return decoded
 
-def image_files(folder: Path) -> list[Path]:
-    """The images of a folder in the order of their names."""
-    return sorted((file for file in folder.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES), key=lambda f: f.name)
+    def _metadata(self, number: int) -> ImageMetadata:
+        """Of an image; pages have none of their own."""
+        image = self._images[number]
+        about = read_metadata(image.file) if image.page is None else ImageMetadata()
+        self._times.add(number, image.name, about.taken)
+        return about
 
 
-def _decode(file: Path, stamp: int) -> Decoded:
+def _pixels(image: StoredImage) -> Image | None:
+    """The array as stored; None: it cannot be decoded."""
     try:
-        image = cv2.imdecode(np.fromfile(file, np.uint8), cv2.IMREAD_UNCHANGED)
-    except (OSError, cv2.error):
-        image = None
-    if image is None:
-        return MessageError(f"{file} cannot be decoded")
-    if image.ndim == 3 and image.dtype == np.uint16:
-        image = (image >> 8).astype(np.uint8)
-    channels = image.shape[2] if image.ndim == 3 else 1
-    encoding = _ENCODING.get((channels, image.dtype.name))
+        return cv2.imdecode(np.frombuffer(image.read(), np.uint8), cv2.IMREAD_UNCHANGED)
+    except (OSError, DamagedTiffError, cv2.error):
+        return None
+
+
+def _decoded(pixels: Image, path: Path, stamp: int) -> Decoded:
+    """path: of the image, for messages."""
+    if pixels.ndim == 3 and pixels.dtype == np.uint16:
+        pixels = (pixels >> 8).astype(np.uint8)
+    channels = pixels.shape[2] if pixels.ndim == 3 else 1
+    encoding = _ENCODING.get((channels, pixels.dtype.name))
     if encoding is None:
-        return MessageError(f"{file} has pixels of type {image.dtype.name}, they must be 8 or 16 bit")
-    return Frame(image, encoding, stamp, FRAME_ID)
+        return MessageError(f"{path} has pixels of type {pixels.dtype.name}, they must be 8 or 16 bit")
+    return Frame(pixels, encoding, stamp, FRAME_ID)
 
 
-def _check_size(first: tuple[Path, Frame], other: tuple[Path, Frame]) -> None:
-    if first[1].size != other[1].size:
+def _check_size(first: StoredImage, first_frame: Frame, other: StoredImage, other_frame: Frame) -> None:
+    if first_frame.size != other_frame.size:
         raise InputError("{}: {} is {}x{} and {} is {}x{}; all images must have one size".format(
-            first[0].parent, first[0].name, *first[1].size, other[0].name, *other[1].size))
+            first.file.parent, first.name, *first_frame.size, other.name, *other_frame.size))

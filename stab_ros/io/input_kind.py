@@ -6,7 +6,8 @@ from enum import Enum
 from pathlib import Path
 
 from stab_ros.core.errors import InputError
-from stab_ros.io.image_folder import IMAGE_SUFFIXES, image_files
+from stab_ros.io.bag_metadata import METADATA, is_rosbag2
+from stab_ros.io.image_names import IMAGE_SUFFIXES, image_files, unread_kinds
 from stab_ros.io.video import VIDEO_SUFFIXES
 
 _BAG_SUFFIXES = (".mcap", ".mcap.partial", ".bag", ".db3")
@@ -27,8 +28,7 @@ def kind_of(path: Path) -> Kind:
     Raises:
         InputError: no such file, or none of the kinds we read.
     """
-    if not path.exists():
-        raise InputError(f"{path}: no such file or folder; the input must be {_KINDS}")
+    check_input(path)
     if path.is_dir():
         return _kind_of_folder(path)
     name = path.name.lower()
@@ -40,14 +40,24 @@ def kind_of(path: Path) -> Kind:
     raise InputError(f"{path}: cannot be read, the input must be {_KINDS}{hint}")
 
 
+def check_input(path: Path) -> None:
+    """Raises InputError where there is no such file or folder."""
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder; the input must be {_KINDS}")
+
+
 def _kind_of_folder(path: Path) -> Kind:
+    """rosbag2's metadata.yaml makes it a bag, whatever else lies there; one of others does not."""
     try:
-        if (path / "metadata.yaml").exists():
+        if is_rosbag2(path):
             return Kind.BAG
         if image_files(path):
             return Kind.FOLDER
-        if any(path.glob("*.mcap")):  # a killed recorder leaves no metadata.yaml
+        if (path / METADATA).exists() or any(path.glob("*.mcap")):  # a killed recorder leaves no whole metadata.yaml
             return Kind.BAG
+        unread = unread_kinds(path)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; the input must be {_KINDS}") from error
-    raise InputError(f"{path}: holds neither a bag (metadata.yaml, .mcap) nor images ({', '.join(IMAGE_SUFFIXES)})")
+    but = f", but *{', *'.join(unread)}, to be converted first" if unread else ""
+    raise InputError(
+        f"{path}: holds neither a bag ({METADATA}, .mcap) nor images ({', '.join(IMAGE_SUFFIXES)}){but}")

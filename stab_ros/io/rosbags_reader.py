@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 import sys
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -44,15 +44,15 @@ _SCHEMA_ENCODINGS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFo
 
 
 class RosbagsReader:
-    """A BagReader for a ROS 1 .bag, a .db3 or a rosbag2 folder.
+    """A BagReader for a ROS 1 .bag, a .db3 or a rosbag2 folder. remarks: warnings to begin with.
 
     Raises:
         InputError: it cannot be opened.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, remarks: Sequence[str] = ()) -> None:
         self.path = path
-        self.warnings: list[str] = []
+        self.warnings: list[str] = [*remarks]
         self.topics: dict[str, Topic] = {}
         self._conversions: dict[int, tuple[str, Conversion]] = {}  # by connection id: topic and conversion to CDR
         try:

@@ -96,7 +96,8 @@ def open_source(path: Path, image_topic: str | None = None, fps: float | None = 
     """Opens a recording: a context manager.
 
     Args:
-        path: an MCAP file, a rosbag2 folder, a ROS 1 bag, a video file or a folder of images, which are sorted by name.
+        path: an MCAP file, a rosbag2 folder, a ROS 1 bag, a video file or a folder of images, in the
+            order of the numbers in their names.
         image_topic: which topic to read; may be left out where there is only one image topic.
         fps: frames per second of a video or a folder; None: as the file says, else 25.
 

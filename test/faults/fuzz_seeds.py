@@ -10,6 +10,7 @@ import struct
 import sys
 from collections.abc import Callable, Iterator
 from functools import partial
+from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -18,8 +19,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "helpers"))
 
 import cv2
 import numpy as np
+import tifffile
 from bag_makers import FLIGHT, JAZZY, NOETIC, START_NS, STRING, by_mcap, ros1_messages
 from mcap.writer import CompressionType
+from PIL import Image as Pillow
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import Writer as Writer2
 
@@ -80,6 +83,35 @@ def compressed_depths() -> Iterator[bytes]:
     png = _encoded(".png", _picture(1, 16))
     yield _compressed(bytes(12) + png, "16UC1; compressedDepth png")
     yield _compressed(struct.pack("<iff", 0, 10100.0, -335.0) + png, "32FC1; compressedDepth png")
+
+
+def tiff_files() -> Iterator[bytes]:
+    """Two pages in strips, tiles or both byte orders, and BigTIFF."""
+    grey = np.stack([_picture(1), _picture(1, 16).astype(np.uint8)]).reshape(2, *_SIZE)
+    variants: tuple[dict[str, Any], ...] = (
+        {}, {"byteorder": ">"}, {"bigtiff": True}, {"rowsperstrip": 1}, {"compression": "zlib"})
+    for options in variants:
+        file = BytesIO()
+        tifffile.imwrite(file, grey, photometric="minisblack", **options)
+        yield file.getvalue()
+    file = BytesIO()
+    tifffile.imwrite(file, np.zeros((2, 16, 32), np.uint8), photometric="minisblack", tile=(16, 16))
+    yield file.getvalue()
+
+
+def photos() -> Iterator[bytes]:
+    """Images with orientation and capture time, and an animation."""
+    exif = Pillow.Exif()
+    exif[0x0112] = 6
+    exif.get_ifd(0x8769).update({0x9003: "2023:05:04 10:15:00", 0x9291: "04"})
+    image = Pillow.fromarray(_picture(3))
+    for kind in ("JPEG", "PNG", "TIFF", "WEBP"):
+        file = BytesIO()
+        image.save(file, kind, exif=exif)
+        yield file.getvalue()
+    file = BytesIO()
+    image.save(file, "PNG", save_all=True, append_images=[image.rotate(180)])
+    yield file.getvalue()
 
 
 def _compressed(data: bytes, message_format: str = "png") -> bytes:
@@ -202,6 +234,7 @@ SEEDS: dict[str, Callable[[], Iterator[bytes]]] = {
     "image": images, "stamp": images, "compressed": compressed_images, "tiff_webp": compressed_tiff_and_webp,
     "compressed_depth": compressed_depths, "png_with_crc": png_files, "jpeg": jpeg_files,
     "camera": camera_infos, "homography": camera_infos, "mcap": mcap_files, "db3": db3_files, "bag": bag_files,
+    "tiff": tiff_files, "photo": photos,
     "metadata": metadata_files, "points": points_tables, "point_list": point_lists, "polygons": polygons,
     "polygon_file": polygons, "mask": png_files, "static_map": png_files, "homographies": homography_tables,
     "parameters": parameter_files, "output_roi": output_rois,

@@ -8,7 +8,7 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Callable
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,9 +22,12 @@ from stab_ros.io.cdr import COMPRESSED_IMAGE, IMAGE, read_stamp
 from stab_ros.io.homographies import read_homographies
 from stab_ros.io.homography_message import read_homography
 from stab_ros.io.image_message import read_image
+from stab_ros.io.image_metadata import TURNS, UPRIGHT, read_metadata
 from stab_ros.io.points import read_points, read_tracking_points
 from stab_ros.io.regions import read_area
 from stab_ros.io.static_maps import read_static_map
+from stab_ros.io.stored_image import stored_images
+from stab_ros.io.tiff_pages import DamagedTiffError
 from stab_ros.io.video import VideoFile
 from stab_ros.parameters.file import read_config
 
@@ -101,6 +104,21 @@ def _folder(data: bytes) -> None:
     _bag("folder")
 
 
+def _tiff(path: str) -> None:
+    """A page that is cut out is not much larger than its file, whatever that claims."""
+    images, remark = stored_images(Path(path))
+    assert len(remark.splitlines()) <= 1
+    for image in images:
+        with suppress(DamagedTiffError):
+            assert len(image.read()) <= 4 * Path(path).stat().st_size + 64
+
+
+def _metadata(path: str) -> None:
+    found = read_metadata(Path(path))
+    assert found.orientation in (UPRIGHT, *TURNS)
+    assert found.pictures >= 1
+
+
 def _text(read: Callable[[str], object]) -> Read:
     return lambda data: read(data.decode(errors="surrogateescape"))
 
@@ -123,6 +141,8 @@ TARGETS: dict[str, Target] = {
     "compressed_depth": Target(_image(COMPRESSED_IMAGE), 20),
     "jpeg": Target(_file("input.jpg", lambda path: read_static_map({"static_map": path})), 20),
     "png_with_crc": Target(_png_with_crc, 40),
+    "tiff": Target(_file("input.tif", _tiff), 40),
+    "photo": Target(_file("input.jpg", _metadata), 20),
     "mask": Target(_file("mask.png", lambda path: read_area({"exclude": path})), 20),
     "static_map": Target(_file("map.png", lambda path: read_static_map({"static_map": path})), 20),
     "camera": Target(read_camera, 90),

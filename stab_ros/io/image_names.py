@@ -1,0 +1,79 @@
+"""The images of a folder by their names: which files are images, in which order, and what about that may surprise."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm", ".pnm", ".jp2")
+_OTHER_SUFFIXES = (".gif", ".heic", ".heif", ".avif", ".jxl", ".exr", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf",
+                   ".orf", ".rw2")  # of pictures that are not read
+_BAG_SUFFIXES = (".mcap", ".bag", ".db3")
+_NUMBER = re.compile("([0-9]+)")
+_NAMED = 3  # as examples
+
+
+def image_files(folder: Path) -> list[Path]:
+    """The images of a folder, in the order of the numbers in their names: frame2 before frame10.
+
+    Left out are hidden files, as the companions `._IMG_0001.JPG` that a Mac adds, and folders.
+    """
+    return sorted(_with_suffix(folder, IMAGE_SUFFIXES), key=lambda file: (_natural(file.name), file.name))
+
+
+def unread_kinds(folder: Path) -> list[str]:
+    """Suffixes of pictures in the folder that cannot be read, and stand for none of its images, as `.gif`."""
+    images = {file.stem for file in _with_suffix(folder, IMAGE_SUFFIXES)}
+    return sorted({file.suffix.lower() for file in _with_suffix(folder, _OTHER_SUFFIXES) if file.stem not in images})
+
+
+def name_remarks(folder: Path, files: Sequence[Path]) -> list[str]:
+    """What a user may not expect of the `image_files` of a folder, one line each."""
+    found = (_order(files), _series(files), _left_out(folder), _bag_beside(folder))
+    return [f"{folder}: {remark}" for remark in found if remark]
+
+
+def _with_suffix(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
+    with os.scandir(folder) as entries:
+        return [folder / entry.name for entry in entries
+                if entry.name.lower().endswith(suffixes) and not entry.name.startswith(".") and not entry.is_dir()]
+
+
+def _natural(name: str) -> list[tuple[int, int]]:
+    """Sorts as the text does, but with a number in the place of its digits."""
+    return [key for place, part in enumerate(_NUMBER.split(name))
+            for key in ([(ord("0"), int(part))] if place % 2 else [(ord(letter), 0) for letter in part])]
+
+
+def _order(files: Sequence[Path]) -> str:
+    plain = sorted(files, key=lambda file: file.name)
+    first = next((pair for pair in zip(files, plain, strict=True) if pair[0] != pair[1]), None)
+    if first is None:
+        return ""
+    return (f"the images are in the order of the numbers in their names, {first[0].name} before {first[1].name}, "
+            "and not in alphabetical order")
+
+
+def _series(files: Sequence[Path]) -> str:
+    """Names of several patterns, as of two cameras or two flights."""
+    patterns = Counter(_NUMBER.sub("#", file.name.lower()) for file in files)
+    found = [f"{pattern} ({count})" for pattern, count in patterns.most_common() if "#" in pattern]
+    if len(found) < 2:
+        return ""
+    named = ", ".join(found[:_NAMED]) + (", ..." if len(found) > _NAMED else "")
+    return f"the names of the images follow {len(found)} patterns, {named}; all are frames of one recording"
+
+
+def _left_out(folder: Path) -> str:
+    kinds = unread_kinds(folder)
+    if not kinds:
+        return ""
+    return f"*{', *'.join(kinds)} files are left out, images must be {', '.join(IMAGE_SUFFIXES)}"
+
+
+def _bag_beside(folder: Path) -> str:
+    bags = _with_suffix(folder, _BAG_SUFFIXES)
+    return f"is taken as a folder of images, {bags[0].name} in it is left out; give it by its name" if bags else ""

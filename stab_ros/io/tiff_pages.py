@@ -1,0 +1,174 @@
+"""The pages of a TIFF file, each as a TIFF file of its own (TIFF 6.0 and BigTIFF).
+
+OpenCV decodes the first page of a file; for a later one its `imreadmulti` goes through all pages before it. So a page
+is cut out, its strips or tiles as they are: no more than one page is in memory, and each takes the same time.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import IO, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+_BYTES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4, 16: 8, 17: 8, 18: 8}
+_INTEGERS = {1: "u1", 3: "u2", 4: "u4", 13: "u4", 16: "u8"}  # by type of a field
+_LONG, _LONG8 = 4, 16
+_SUBFILE_TYPE, _WIDTH, _HEIGHT = 254, 256, 257
+_SEGMENTS = ((273, 279), (324, 325))  # tags of offsets and byte counts, of strips and of tiles
+_ELSEWHERE = (330, 34665, 34853, 40965)  # tags that point at directories outside of the page
+_NO_FRAME = 0b101  # bits of _SUBFILE_TYPE: a smaller version of another page, a mask
+_MOST_FIELDS = 2**16  # of a directory
+
+
+class DamagedTiffError(Exception):
+    """The bytes are no TIFF file, or a damaged one."""
+
+
+@dataclass(frozen=True)
+class TiffPage:
+    """offset: of its directory in the file. size: width, height, px. is_frame: neither thumbnail nor mask."""
+
+    offset: int
+    size: tuple[int, int]
+    is_frame: bool
+
+
+class _Field(NamedTuple):
+    """An entry of a directory. values: how many. content: they themselves, or their offset."""
+
+    tag: int
+    kind: int
+    values: int
+    content: bytes
+
+    @property
+    def length(self) -> int:
+        """Bytes of all values."""
+        return self.values * _BYTES.get(self.kind, 1)
+
+
+class _Directory(NamedTuple):
+    """fields: by tag. following: the offset of the next directory, 0 for none. length: of all fields, bytes."""
+
+    fields: Mapping[int, _Field]
+    following: int
+    length: int
+
+
+class TiffFile:
+    """An open TIFF file.
+
+    Raises:
+        DamagedTiffError: it is none.
+    """
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file, self._size = file, file.seek(0, 2)
+        head = self._read(0, 8)
+        self._order = {b"II\x2a\x00": "<", b"MM\x00\x2a": ">", b"II\x2b\x00": "<", b"MM\x00\x2b": ">"}.get(head[:4], "")
+        if not self._order:
+            raise DamagedTiffError("is no TIFF file")
+        big = 43 in head[2:4]
+        self._count, self._offset = (struct.Struct(self._order + code) for code in ("QQ" if big else "HI"))
+        self._entry = struct.Struct(self._order + ("HHQ8s" if big else "HHI4s"))
+        self._head = self._read(0, 16 if big else 8)
+        (self._first,) = self._offset.unpack(self._head[-self._offset.size :])
+
+    def pages(self) -> Iterator[TiffPage]:
+        """The pages in their order.
+
+        Raises:
+            DamagedTiffError: where the file is damaged, after the pages before that.
+        """
+        offset, seen, length = self._first, set[int](), 0
+        while offset and offset not in seen:
+            seen.add(offset)
+            directory = self._directory(offset)
+            length += directory.length
+            if length > self._size:
+                raise DamagedTiffError("holds directories that overlap")
+            width, height, kind = (self._number(directory.fields, tag) for tag in (_WIDTH, _HEIGHT, _SUBFILE_TYPE))
+            yield TiffPage(offset, (width, height), not kind & _NO_FRAME)
+            offset = directory.following
+
+    def cut(self, page: TiffPage) -> bytes:
+        """The page alone, as a TIFF file.
+
+        Raises:
+            DamagedTiffError: it is damaged.
+        """
+        fields = {tag: field for tag, field in self._directory(page.offset).fields.items() if tag not in _ELSEWHERE}
+        if sum(field.length for field in fields.values()) > self._size:
+            raise DamagedTiffError("holds fields that overlap")
+        values = {tag: self._value(field) for tag, field in fields.items()}
+        at, counts = next(((at, counts) for at, counts in _SEGMENTS if at in fields and counts in fields), (0, 0))
+        if not at:
+            raise DamagedTiffError("has a page without pixels")
+        segments = self._segments(self._integers(fields[at]), self._integers(fields[counts]))
+        width = self._offset.size
+        kinds = {tag: field.kind for tag, field in fields.items()} | {at: _LONG8 if width == 8 else _LONG}
+        values[at] = bytes(len(segments) * width)
+        start = self._body_start(len(fields)) + sum(len(value) for value in values.values() if len(value) > width)
+        places = start + np.cumsum([0, *map(len, segments[:-1])])
+        values[at] = places.astype(f"{self._order}u{width}").tobytes()
+        counted = {tag: len(segments) if tag == at else field.values for tag, field in fields.items()}
+        return b"".join([self._written(kinds, counted, values), *segments])
+
+    def _segments(self, offsets: NDArray[np.uint64], lengths: NDArray[np.uint64]) -> list[bytes]:
+        if not len(offsets) or len(offsets) != len(lengths) or int(lengths.sum(dtype=np.float64)) > self._size:
+            raise DamagedTiffError("has a page whose strips contradict each other")
+        return [self._read(int(offset), int(length)) for offset, length in zip(offsets, lengths, strict=True)]
+
+    def _body_start(self, fields: int) -> int:
+        return len(self._head) + self._count.size + fields * self._entry.size + self._offset.size
+
+    def _written(self, kinds: Mapping[int, int], counts: Mapping[int, int], values: Mapping[int, bytes]) -> bytes:
+        """Head and directory of a file of one page, and the values that the directory has no room for."""
+        width = self._offset.size
+        head = self._head[:-width] + self._offset.pack(len(self._head)) + self._count.pack(len(values))
+        place, entries, body = self._body_start(len(values)), [], []
+        for tag, value in sorted(values.items()):
+            content = value.ljust(width, b"\0") if len(value) <= width else self._offset.pack(place)
+            entries.append(self._entry.pack(tag, kinds[tag], counts[tag], content))
+            if len(value) > width:
+                body.append(value)
+                place += len(value)
+        return b"".join([head, *entries, bytes(width), *body])
+
+    def _directory(self, offset: int) -> _Directory:
+        (count,) = self._count.unpack(self._read(offset, self._count.size))
+        if count > _MOST_FIELDS:
+            raise DamagedTiffError("has a directory of too many fields")
+        length = count * self._entry.size
+        data = self._read(offset + self._count.size, length + self._offset.size)
+        fields = map(_Field._make, self._entry.iter_unpack(data[:length]))
+        (following,) = self._offset.unpack(data[length:])
+        return _Directory({field.tag: field for field in fields}, following, length)
+
+    def _value(self, field: _Field) -> bytes:
+        if field.length <= self._offset.size:
+            return field.content[: field.length]
+        (offset,) = self._offset.unpack(field.content)
+        return self._read(offset, field.length)
+
+    def _integers(self, field: _Field) -> NDArray[np.uint64]:
+        if field.kind not in _INTEGERS:
+            raise DamagedTiffError("has a field of a wrong type")
+        return np.frombuffer(self._value(field), self._order + _INTEGERS[field.kind]).astype(np.uint64)
+
+    def _number(self, fields: Mapping[int, _Field], tag: int) -> int:
+        """The one value of a field; 0 where there is none."""
+        return int(self._integers(fields[tag])[0]) if tag in fields and fields[tag].values == 1 else 0
+
+    def _read(self, offset: int, length: int) -> bytes:
+        if offset + length > self._size:
+            raise DamagedTiffError("is cut short")
+        self._file.seek(offset)
+        data = self._file.read(length)
+        if len(data) < length:
+            raise DamagedTiffError("is cut short")
+        return data
