@@ -7,15 +7,17 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from stab_ros.core.errors import InputError, WorkError
-from stab_ros.io.input_kind import Kind, kind_of
+from stab_ros.io.input_kind import Kind, check_input, kind_of
 
 
 def check_output(path: Path, suffix: str, source: Path, force: bool) -> None:
-    """Checks, before any work, that `path` can become an output file.
+    """Checks, before any work, that there is an input and that `path` can become an output file.
 
     Raises:
-        InputError: wrong suffix, exists (without `force`), is part of the input, or has no folder to stand in.
+        InputError: there is no input; or the output has a wrong suffix, exists (without `force`), is part of the input,
+            or has no folder to stand in.
     """
+    check_input(source)
     if path.suffix.lower() != suffix:
         raise InputError(f"{path}: an output of this kind must be called *{suffix}")
     if _within(path, source):

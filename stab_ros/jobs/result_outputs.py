@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stab_ros.core.errors import InputError
+from stab_ros.io.input_kind import check_input
 from stab_ros.io.outputs import check_output, completed
 
 JSON_NAME, CSV_NAME = "metrics.json", "metrics.csv"  # in the folder of the report
@@ -30,7 +31,8 @@ class ResultOutputs:
     report: Path | None = None
 
     def check(self, source: Path, force: bool) -> None:
-        """Raises InputError for an output that cannot be written, or that exists (without `force`)."""
+        """Raises InputError for a missing `source`, or an output that cannot be written or exists (without `force`)."""
+        check_input(source)
         for path, suffix in ((self.json, ".json"), (self.csv, ".csv")):
             if path is not None:
                 check_output(path, suffix, source, force)

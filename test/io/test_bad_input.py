@@ -168,6 +168,18 @@ def full_folder(folder: Path, shots: Sequence[Shot]) -> list[object]:
     return ["evaluate", good(folder, shots), "--report", "report"]
 
 
+def beside_outputs(*arguments: str) -> Arrange:
+    """An input that is not there, and outputs that are."""
+
+    def arrange(folder: Path, _: Sequence[Shot]) -> list[object]:
+        (folder / "report").mkdir()
+        for name in ("out.mcap", "H.csv", "J.json", "M.csv", "report/index.html"):
+            (folder / name).write_text("precious")
+        return list(arguments)
+
+    return arrange
+
+
 def words_only(folder: Path, shots: Sequence[Shot]) -> list[object]:
     others = [entry for entry in entries(shots[:2]) if entry.topic == OTHER_TOPIC]
     return ["evaluate", write_mcap(folder / "words.mcap", others)]
@@ -251,6 +263,20 @@ CASES = [
     Case("evaluate into another kind", evaluate("--csv", "M.txt"), ["M.txt", ".csv"]),
     Case("report into a full folder", full_folder, ["report", "--force"]),
     Case("evaluate a bag of words", words_only, ["words.mcap", "sensor_msgs/msg/Image"]),
+    Case("nothing to stabilise, and outputs that exist",
+         beside_outputs("stabilize", "none.mcap", "out.mcap", "--homographies", "H.csv"),
+         ["none.mcap", "no such file"]),
+    Case("nothing to convert, and an output that exists", beside_outputs("convert", "none.mp4", "out.mcap"),
+         ["none.mp4", "no such file"]),
+    Case("nothing to recover, and an output that exists", beside_outputs("recover", "none.mcap", "out.mcap"),
+         ["none.mcap", "no such file"]),
+    Case("nothing to evaluate, and outputs that exist",
+         beside_outputs("evaluate", "none.mcap", "--json", "J.json", "--report", "report"),
+         ["none.mcap", "no such file"]),
+    Case("nothing to report on, and a report that exists",
+         beside_outputs("evaluate", "none.mcap", "--report", "report"), ["none.mcap", "no such file"]),
+    Case("nothing to compare, and outputs that exist", beside_outputs("compare", "none.mcap", "--csv", "M.csv"),
+         ["none.mcap", "no such file"]),
     Case("recover nothing", lambda _f, _s: ["recover", "none.mcap", "out.mcap"], ["none.mcap"]),
 ]
 
