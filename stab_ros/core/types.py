@@ -62,6 +62,16 @@ class LostReason(Enum):
         return max(self, other, key=list(LostReason).index)
 
 
+class ResetReason(Enum):
+    """Why homographies begin anew, and `reset_counter` rises."""
+
+    SIZE = "other size"
+    DEPTH = "other bit depth"
+    GIVEN_UP = "reference matched nothing"
+    GROUND = "other ground"  # the reference stays, another of its planes is taken for ground
+    ASKED = "asked for"
+
+
 @dataclass(frozen=True, eq=False)
 class Frame:
     """One image of a stream, decoded.
@@ -107,7 +117,7 @@ class Frame:
         return f"{self.size[0]}x{self.size[1]} {self.encoding}"
 
     def is_like(self, other: Frame) -> bool:
-        """Compares size and encoding.
+        """Compares size and bit depth; one camera's images may be gray, in colour or with alpha by turns.
 
         Args:
             other: another frame.
@@ -115,7 +125,7 @@ class Frame:
         Returns:
             Whether the two frames can belong to one stream.
         """
-        return (self.size, self.encoding) == (other.size, other.encoding)
+        return (self.size, self.image.dtype) == (other.size, other.image.dtype)
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,6 +212,7 @@ class Track:
         rows: displacements of the frame's rows by a rolling shutter, to be added to pixels of the frame before
             `ref_H_cur` maps them; None: none are seen. `covariance` then includes what the homography alone leaves.
         simpler_model: the transformation model that took the place of the one asked for, as `Fit.model`.
+        reset_reason: why `reset_counter` rose last; None: it has not, as far as is known.
 
     Raises:
         ValueError: LOST without a reason, or TRACKED with one.
@@ -222,6 +233,7 @@ class Track:
     lost_reason: LostReason | None = None
     rows: RowShifts | None = None
     simpler_model: str = ""
+    reset_reason: ResetReason | None = None
 
     def __post_init__(self) -> None:
         if self.tracked is not (self.lost_reason is None):

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 
-from stab_ros.core.types import Frame, LostReason
+from stab_ros.core.types import Frame, LostReason, ResetReason
 from stab_ros.tracking.ground_choice import CompetingHypothesis
 from stab_ros.tracking.parallax import Relief
 from stab_ros.tracking.rolling_shutter import Swing
@@ -30,6 +31,15 @@ _TO_TRY: Mapping[LostReason, str] = MappingProxyType({
                           "model:=similarity, name more ground in roi, or leave less out by exclude",
 })
 
+_ANEW: Mapping[ResetReason, str] = MappingProxyType({
+    ResetReason.SIZE: "the images have another size, {kind}",
+    ResetReason.DEPTH: "the images have another bit depth, {kind}",
+    ResetReason.GIVEN_UP: "the reference before matched no image after it, as a damaged one does",
+    ResetReason.GROUND: "another plane turned out to be the ground",
+    ResetReason.ASKED: "another reference was asked for",
+})
+_NAMED = 3  # resets in one line
+
 
 def to_try(reason: LostReason) -> str:
     """What frames that are lost for a reason show, and what may help."""
@@ -48,6 +58,15 @@ def often_lost(lost: Mapping[LostReason, int], frames: int) -> str:
         return ""
     reason = max(lost, key=lambda one: lost[one])
     return f"{total} of {frames} frames are lost, most often {reason.value} ({lost[reason]}): {to_try(reason)}"
+
+
+@dataclass(frozen=True)
+class Reset:
+    """A rise of `reset_counter`. frame: number of the first image that was tracked after it; kind: as `Frame.kind`."""
+
+    frame: int
+    reason: ResetReason | None
+    kind: str
 
 
 class FixedToCamera:
@@ -73,13 +92,19 @@ def simpler_model(frames: int) -> str:
             "sigma_px includes what it leaves out")
 
 
-def given_up(references: int) -> str:
-    """So many references were given up; an empty string for none."""
-    if not references:
+def why_anew(reason: ResetReason | None, kind: str) -> str:
+    """Why homographies begin anew with an image of this kind, as `Frame.kind`."""
+    return "" if reason is None else _ANEW[reason].format(kind=kind)
+
+
+def begun_anew(resets: Sequence[Reset]) -> str:
+    """Where homographies begin anew, and why; an empty string: nowhere."""
+    if not resets:
         return ""
-    what = "the first image" if references == 1 else f"{references} images that were to be the reference"
-    return (f"{what} matched none of those after it, as a damaged one does, and a later image is the reference; "
-            "homographies of different reset_counter have different references")
+    named = [f"at frame {one.frame} ({why_anew(one.reason, one.kind)})" for one in resets[:_NAMED]]
+    more = f" and at {len(resets) - _NAMED} more frames" if len(resets) > _NAMED else ""
+    return (f"homographies begin anew {', '.join(named)}{more}; those of different reset_counter belong to different "
+            "references or ground")
 
 
 def remarks(competing: CompetingHypothesis | None, relief: Relief | None, swing: Swing | None,

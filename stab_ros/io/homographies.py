@@ -21,7 +21,7 @@ from stab_ros.io.csv_rows import csv_rows
 
 ELEMENTS = tuple(f"h{row}{column}" for row in range(3) for column in range(3))
 COLUMNS = ("frame", "stamp_ns", "status", *ELEMENTS)
-TRACK_COLUMNS = ("matches", "inliers", "rmse_px", "sigma_px", "reset_counter", "lost_reason")
+TRACK_COLUMNS = ("matches", "inliers", "rmse_px", "sigma_px", "reset_counter", "lost_reason", "reset_reason")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -98,6 +98,7 @@ def _cells(frame: int, track: Track) -> list[str]:
         str(frame), str(track.stamp_ns), track.state.value, *elements,
         str(track.matches), str(track.inliers), number(track.rmse_px), number(track.sigma_px),
         str(track.reset_counter), "" if track.lost_reason is None else track.lost_reason.value,
+        "" if track.reset_reason is None else track.reset_reason.value,
     ]  # fmt: skip
 
 

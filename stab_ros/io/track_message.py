@@ -17,7 +17,8 @@ def track_cdr(track: Track, header: Header, window: Window = _WHOLE) -> bytes:
     """DiagnosticArray with one status for the frame; empty strings: unknown while LOST, lost_reason while TRACKED.
 
     `rows_px` is the RMS of the displacements of the rows by a rolling shutter, empty where none are seen.
-    `simpler_model` is the one that took the place of `model`, empty where it did not.
+    `simpler_model` is the one that took the place of `model`, empty where it did not. `reset_reason` tells why
+    `reset_counter` rose last, empty before that.
 
     window: the part of the reference that `image_stabilized` shows.
     """
@@ -36,6 +37,7 @@ def track_cdr(track: Track, header: Header, window: Window = _WHOLE) -> bytes:
         "rows_px": number(None if track.rows is None else track.rows.rms_px),
         "simpler_model": track.simpler_model,
         "lost_reason": "" if track.lost_reason is None else track.lost_reason.value,
+        "reset_reason": "" if track.reset_reason is None else track.reset_reason.value,
     }
     level = OK if track.tracked else WARN
     return status_cdr(header, "track", header.frame_id, level, track.state.value, values)

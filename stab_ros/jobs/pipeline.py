@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.types import Frame, Image, LostReason, State, Track
-from stab_ros.io.advice import FixedToCamera
+from stab_ros.io.advice import FixedToCamera, Reset
 from stab_ros.io.bag import Message
 from stab_ros.io.cdr import header_of
 from stab_ros.io.homographies import HomographyWriter
@@ -69,13 +69,15 @@ class Outputs:
 class Counts:
     """Numbers of written frames.
 
-    lost: by reason. simpler: with a simpler model than asked for. problem: of the first that cannot be
-    decoded or tracked. notes: what was found out on the way.
+    lost: by reason. simpler: with a simpler model than asked for. resets: where homographies begin anew. problem: of
+    the first that cannot be decoded or tracked. notes: what was found out on the way.
     """
 
     frames: int = 0
     lost: Counter[LostReason] = field(default_factory=Counter)
     simpler: int = 0
+    resets: list[Reset] = field(default_factory=list)
+    reset_counter: int = 0  # of the last tracked frame
     problem: str = ""
     notes: tuple[str, ...] = ()
 
@@ -86,6 +88,9 @@ class Counts:
         self.simpler += bool(result.track.simpler_model)
         if not isinstance(result.picture.decoded, Frame):
             self.problem = self.problem or str(result.picture.decoded)
+        elif result.track.tracked and result.track.reset_counter != self.reset_counter:
+            self.resets.append(Reset(result.number, result.track.reset_reason, result.picture.decoded.kind))
+            self.reset_counter = result.track.reset_counter
 
 
 def run(items: Iterable[Picture | Message], stabilizer: Stabilizer, outputs: Outputs, progress: OnFrame,
@@ -124,6 +129,7 @@ class PictureTracker:
         self._read_again = read_again
         self._number = -1
         self._ahead: dict[int, Track | InputError] = {}
+        self._last: Track | None = None  # of the frame before
         self._shown_map: StaticMap | None = None
         self._fixed = FixedToCamera()
         self.notes: list[str] = []
@@ -199,6 +205,7 @@ class PictureTracker:
 
     def _result(self, picture: Picture, track: Track, image: Image | None = None,
                 image_cdr: bytes | None = None) -> TrackedFrame:
+        self._last = track
         size = picture.decoded.size if track.tracked and isinstance(picture.decoded, Frame) else self._reference_size
         return TrackedFrame(self._number, picture, track, image, image_cdr, size, self._new_map(size))
 
@@ -216,7 +223,8 @@ class PictureTracker:
         return static_map
 
     def _lost(self, picture: Picture) -> Track:
-        reference = self._stabilizer.reference
-        reference_stamp_ns = 0 if reference is None else reference.stamp_ns
-        return Track(State.LOST, self._number, picture.stamp_ns, reference_stamp_ns, self._stabilizer.reset_counter,
-                     lost_reason=LostReason.UNUSABLE)
+        """The stabilizer may be ahead, so the frame belongs to the reference of the one before it."""
+        lost = Track(State.LOST, self._number, picture.stamp_ns, 0, 0, lost_reason=LostReason.UNUSABLE)
+        return lost if self._last is None else replace(
+            lost, reference_stamp_ns=self._last.reference_stamp_ns, reset_counter=self._last.reset_counter,
+            reset_reason=self._last.reset_reason)

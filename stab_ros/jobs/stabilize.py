@@ -81,7 +81,7 @@ def stabilize(job: Job, progress: Progress, compiling: Compiler = compile_kernel
             counts = run(source.items(job.limit), stabilizer, outputs, lambda done: progress(done, total),
                          partial(read_again, job.source, job.image_topic, job.fps, job.limit))
         warnings = (*_replaced(source, outputs.bag.replaced), *source.warnings, *_unused(source, counts),
-                    *_remarks(source, stabilizer), *_lost(source, counts, stabilizer.reference))
+                    *_remarks(source, stabilizer, counts), *_lost(source, counts, stabilizer.reference))
     notes = tuple(f"{source.name}: {note}" for note in (*counts.notes, advice.simpler_model(counts.simpler)) if note)
     return Stabilization(counts.frames, counts.lost, time.monotonic() - started_s, warnings, notes)
 
@@ -127,11 +127,11 @@ def _unused(source: Source, counts: Counts) -> list[str]:
             f"and count as lost ({LostReason.UNUSABLE.value}); the first: {counts.problem}"]
 
 
-def _remarks(source: Source, stabilizer: Stabilizer) -> list[str]:
+def _remarks(source: Source, stabilizer: Stabilizer, counts: Counts) -> list[str]:
     """Reasons why the answers may be wrong."""
     found = advice.remarks(stabilizer.competing_hypothesis, stabilizer.relief, stabilizer.swing,
                           stabilizer.copied_share)
-    return [f"{source.name}: {remark}" for remark in (advice.given_up(stabilizer.given_up), *found) if remark]
+    return [f"{source.name}: {remark}" for remark in (advice.begun_anew(counts.resets), *found) if remark]
 
 
 def _lost(source: Source, counts: Counts, reference: Frame | None) -> list[str]:

@@ -13,8 +13,8 @@ from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.kernels import Compilation, compile_kernels
 from stab_ros.core.settings import Value
 from stab_ros.core.timeline import Advance
-from stab_ros.core.types import Frame, Track
-from stab_ros.io.advice import FixedToCamera, given_up
+from stab_ros.core.types import Frame, ResetReason, Track
+from stab_ros.io.advice import FixedToCamera, why_anew
 from stab_ros.io.cdr import SECOND_NS, Header, header_of
 from stab_ros.io.image_message import read_image
 from stab_ros.io.topics import HOMOGRAPHY_TOPIC
@@ -48,10 +48,11 @@ CHANGEABLE = frozenset(PARAMETERS) - {"use_camera_info", "static_map"}
 
 @dataclass(frozen=True)
 class _Pending:
-    """A frame that has no result yet: its header, its size (width, height) and when its image was published."""
+    """A frame that has no result yet: its header, size (width, height), kind, and when its image was published."""
 
     header: Header
     size: tuple[int, int]
+    kind: str
     source_ns: int
 
 
@@ -82,7 +83,7 @@ class TrackerNode(StabNode):
         self._pending: dict[int, _Pending] = {}  # by index of the frame
         self._published_reference: Frame | None = None
         self._published_map: StaticMap | None = None
-        self._given_up = 0  # references, as far as that was said
+        self._resets = 0  # as far as they were said
         self._ground = GroundState.UNDECIDED  # at the last check
         self.outputs = TrackerPublishers(self, lossless=self.settings.queue_depth == 0)
         self.create_service(Trigger, "~/reset_reference", self._reset_reference)
@@ -108,6 +109,7 @@ class TrackerNode(StabNode):
             self.camera.restore(saved.camera_info)
             self.stabilizer = make_stabilizer(self.values, self.camera.camera)
         self._file.resume(self.stabilizer)
+        self._resets = self.stabilizer.reset_counter
         self._publish_references()
 
     def work(self, spinner: Spinner) -> None:
@@ -149,7 +151,7 @@ class TrackerNode(StabNode):
                 self.status.on_dropped(1)
                 self._warn_of_stamp(Advance.SAME)
                 return
-            self._pending[index] = _Pending(header_of(frame), frame.size, source_ns)
+            self._pending[index] = _Pending(header_of(frame), frame.size, frame.kind, source_ns)
             tracks = self._answered(lambda: self.stabilizer.answers(frame))
         except InputError as error:
             self._pending.pop(index, None)
@@ -203,6 +205,7 @@ class TrackerNode(StabNode):
             self.outputs.send_track(track, pending.header, size, camera, self.stabilizer)
             self.status.on_track(track, time.time_ns() - pending.source_ns)
             self._lost_log.on_track(track)
+            self._tell_of_reset(track, pending.kind)
         self._warn_of_ground()
         self._tell_of_fixed()
 
@@ -219,12 +222,7 @@ class TrackerNode(StabNode):
             self.status.warn("reference_path", failure)
 
     def _publish_reference(self, reference: Frame) -> None:
-        before, self._published_reference = self._published_reference, reference
-        if before is not None and not before.is_like(reference):
-            self._warn("kind", f"the images are {reference.kind} now, they were {before.kind}: a new reference")
-        if self.stabilizer.given_up > self._given_up:
-            self._given_up = self.stabilizer.given_up
-            self._warn("given_up", f"{given_up(self._given_up)}; it is {self.stabilizer.reset_counter} now")
+        self._published_reference = reference
         if self.camera is not None:
             self.camera.locked = True
         self.outputs.send_reference(reference, self.stabilizer)
@@ -241,6 +239,18 @@ class TrackerNode(StabNode):
         if before is GroundState.PROVISIONAL:
             self._warn("decided", "the ground was chosen anew, earlier homographies were provisional; reset_counter is "
                        f"{self.stabilizer.reset_counter}")
+
+    def _tell_of_reset(self, track: Track, kind: str) -> None:
+        """Homographies begin anew with this frame. kind: of its image."""
+        if not track.tracked or track.reset_counter == self._resets:
+            return
+        self._resets = track.reset_counter
+        text = (f"homographies begin anew at stamp {track.stamp_ns} ns: {why_anew(track.reset_reason, kind)}; "
+                f"reset_counter is {track.reset_counter}")
+        if track.reset_reason is ResetReason.ASKED:
+            self.get_logger().info(text)
+        else:
+            self._warn("reset", text)
 
     def _tell_of_fixed(self) -> None:
         news = self._fixed.news(self.stabilizer.reference, self.stabilizer.sensor_fixed_share)

@@ -10,7 +10,17 @@ import numpy as np
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import rms_distance, sigma_px
-from stab_ros.core.types import Correspondences, Fit, FloatArray, Gray, Homography, LostReason, State, Track
+from stab_ros.core.types import (
+    Correspondences,
+    Fit,
+    FloatArray,
+    Gray,
+    Homography,
+    LostReason,
+    ResetReason,
+    State,
+    Track,
+)
 from stab_ros.estimation.rows import straightened
 from stab_ros.tracking.anchor import Anchor, AnchorFactory, Solve
 from stab_ros.tracking.anchor_pose import AT_REFERENCE, AnchorPose
@@ -53,15 +63,18 @@ class _Attempt:
 class Session:
     """Registers frames to one reference.
 
-    reset_counter: how often a reference was replaced before, or the choice of ground turned. found: number of frames
+    reset_counter: how often a reference was replaced before, or the choice of ground turned; reset_reason: why it rose
+    last. found: number of frames
     that matched the reference so far, within the start-up each by the square of the share of features that it shows,
     since some of them match by chance. last_match: the matches of the last frame, and what was fitted to them.
     """
 
     def __init__(self, reference: Reference, anchor: Anchor, factory: AnchorFactory, config: StabilizerConfig,
-                 static_map: StaticMap | None, time_ns: int, reset_counter: int) -> None:
+                 static_map: StaticMap | None, time_ns: int, reset_counter: int,
+                 reset_reason: ResetReason | None = None) -> None:
         """anchor: of the reference, made by `factory`. static_map: where ground is, if known. time_ns: of the frame."""
-        self.reference, self.reset_counter, self.found = reference, reset_counter, 0.0
+        self.reference, self.found = reference, 0.0
+        self.reset_counter, self.reset_reason = reset_counter, reset_reason
         self.ground = Ground(factory.allowed, static_map)
         self.motion = CameraMotion(reference.frame.size, np.eye(3), time_ns)
         self.parallax = Parallax(reference.frame.size)
@@ -100,13 +113,13 @@ class Session:
         """The answer to the reference itself: the identity, exactly."""
         n = len(self._strategy.anchor.features_px)
         return Track(State.TRACKED, stamp.index, stamp.stamp_ns, stamp.stamp_ns, self.reset_counter, n, n, np.eye(3),
-                     np.zeros((8, 8)), 0.0, 0.0)
+                     np.zeros((8, 8)), 0.0, 0.0, reset_reason=self.reset_reason)
 
     def lost(self, stamp: FrameStamp, reason: LostReason, matches: int = 0) -> Track:
         """The answer to a frame that could not be registered."""
         reference_ns = self.reference.frame.stamp_ns
         return Track(State.LOST, stamp.index, stamp.stamp_ns, reference_ns, self.reset_counter, matches,
-                     lost_reason=reason)
+                     lost_reason=reason, reset_reason=self.reset_reason)
 
     def buffer(self, duration_ns: int, time_ns: int) -> bool:
         """Buffers the frames from here on, until it is known what is ground; whether there is anything to find out."""
@@ -273,7 +286,8 @@ class Session:
         covariance = self.copied.covariance(covariance, fit.ref_H_cur)
         return Track(State.TRACKED, stamp.index, stamp.stamp_ns, self.reference.frame.stamp_ns, self.reset_counter,
                      len(pairs), int(fit.inlier.sum()), fit.ref_H_cur, covariance, fit.rmse_px,
-                     sigma_px(fit.ref_H_cur, covariance, size), rows=fit.rows, simpler_model=fit.model)
+                     sigma_px(fit.ref_H_cur, covariance, size), rows=fit.rows, simpler_model=fit.model,
+                     reset_reason=self.reset_reason)
 
     def _extend(self, gray: Gray, fit: Fit) -> None:
         """Makes the frame just registered an anchor if the strategy wants that and it has enough features.
@@ -307,7 +321,11 @@ class Session:
         if by_other is not None:
             self.motion = self.motion.at(by_other)
             self._set_prior_weights()
-            self.reset_counter += 1  # what was answered before does not belong to what follows
+            self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        """What was answered before does not belong to what follows."""
+        self.reset_counter, self.reset_reason = self.reset_counter + 1, ResetReason.GROUND
 
     def _set_prior_weights(self) -> None:
         for anchor in self._strategy.anchors:
@@ -320,7 +338,8 @@ class Session:
         self._set_prior_weights()
         if result.rows_swing:
             self.rolling_shutter.found()
-        self.reset_counter += result.turned  # what was answered before does not belong to what follows
+        if result.turned:
+            self._begin_anew()
         tracks = [self._answer(frame, result) for frame in result.frames]
         if result.planeless and 2 * sum(track.ref_H_cur is None for track in tracks) > len(tracks):
             tracks = [self._unfounded(frame) for frame in result.frames]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.region import Area
-from stab_ros.core.types import FloatArray, Frame
+from stab_ros.core.types import FloatArray, Frame, ResetReason
 from stab_ros.methods import METHODS
 from stab_ros.tracking.anchor import AnchorFactory
 from stab_ros.tracking.points import check_count
@@ -51,7 +51,8 @@ class Setup:
         allowed = self.preprocessing.allowed(self.area, size)
         return AnchorFactory(self.config.method, self.config.method_config, allowed, self.points_px)
 
-    def session(self, frame: Frame, static_map: StaticMap | None, time_ns: int, reset_counter: int) -> Session | None:
+    def session(self, frame: Frame, static_map: StaticMap | None, time_ns: int, reset_counter: int,
+                reset_reason: ResetReason | None = None) -> Session | None:
         """A session whose reference is the frame; None where that has too little texture or too few features.
 
         Raises:
@@ -66,4 +67,4 @@ class Setup:
         anchor = factory.reference(reference.gray)
         if len(anchor.features_px) < self.config.min_inliers:
             return None
-        return Session(reference, anchor, factory, self.config, static_map, time_ns, reset_counter)
+        return Session(reference, anchor, factory, self.config, static_map, time_ns, reset_counter, reset_reason)

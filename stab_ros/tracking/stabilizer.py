@@ -23,6 +23,7 @@ from stab_ros.core.types import (
     Gray,
     Image,
     LostReason,
+    ResetReason,
     Stabilized,
     State,
     Track,
@@ -48,7 +49,7 @@ class Stabilizer:
     """Registers each frame of a stream to one reference frame.
 
     The reference is the first textured frame. It stays until `reset_reference` is called, or until a frame of
-    another size or encoding arrives. The answers depend on the frames and their stamps alone, never on a clock: live
+    another size or bit depth arrives. The answers depend on the frames and their stamps alone, never on a clock: live
     and offline processing give the same homographies.
 
     Either call `answers` for each frame and `finish` at the end, which buffers the frames of the first `start_s`
@@ -95,7 +96,7 @@ class Stabilizer:
     def track(self, frame: Frame) -> Track:
         """Registers a frame to the reference, at once, by what is known of static ground so far.
 
-        The first textured frame becomes the reference, and so does one of another size or encoding.
+        The first textured frame becomes the reference, and so does one of another size or bit depth.
 
         Args:
             frame: the next frame of the stream.
@@ -297,6 +298,11 @@ class Stabilizer:
         return 0 if self._session is None else self._session.reset_counter
 
     @property
+    def reset_reason(self) -> ResetReason | None:
+        """Why `reset_counter` rose last; None: it has not, as far as is known."""
+        return None if self._session is None else self._session.reset_reason
+
+    @property
     def given_up(self) -> int:
         """How many references matched no frame after them, and gave way to a later frame."""
         return self._given_up
@@ -412,7 +418,7 @@ class Stabilizer:
     def _new_rival(self, stamp: FrameStamp, frame: Frame) -> Rival | None:
         """The frame as a reference to be, if it can be one."""
         try:
-            session = self._new_session(stamp, frame)
+            session = self._new_session(stamp, frame, ResetReason.GIVEN_UP)
         except InputError:  # the user's points do not fit it
             return None
         if session is None or (self.buffering and not session.buffer(self._setup.start_ns, stamp.time_ns)):
@@ -424,13 +430,20 @@ class Stabilizer:
         self._given_up += 1
         self._happens(Event.REFERENCE)
 
-    def _new_session(self, stamp: FrameStamp, frame: Frame) -> Session | None:
-        counter = 0 if self._session is None else self._session.reset_counter + 1
-        return self._setup.session(frame, self._setup.static_map, stamp.time_ns, counter)
+    def _new_session(self, stamp: FrameStamp, frame: Frame, reason: ResetReason) -> Session | None:
+        """reason: why the session before it ends, if there is one."""
+        counter, why = (0, None) if self._session is None else (self._session.reset_counter + 1, reason)
+        return self._setup.session(frame, self._setup.static_map, stamp.time_ns, counter, why)
+
+    def _why_new(self, frame: Frame) -> ResetReason:
+        """Why a frame does not belong to the present reference."""
+        if self._present is None:
+            return ResetReason.ASKED
+        return ResetReason.SIZE if self._present.reference.frame.size != frame.size else ResetReason.DEPTH
 
     def _begin(self, stamp: FrameStamp, frame: Frame) -> Track:
         """Makes the frame the reference if it has enough features."""
-        session = self._new_session(stamp, frame)
+        session = self._new_session(stamp, frame, self._why_new(frame))
         if session is None:
             return self._noted(self._lost(stamp, LostReason.NO_TEXTURE))
         self._session, self._rival = session, None
@@ -441,7 +454,8 @@ class Stabilizer:
         """The answer to a frame that no session has registered."""
         if self._present is not None:
             return self._present.lost(stamp, reason)
-        return Track(State.LOST, stamp.index, stamp.stamp_ns, 0, self.reset_counter, lost_reason=reason)
+        return Track(State.LOST, stamp.index, stamp.stamp_ns, 0, self.reset_counter, lost_reason=reason,
+                     reset_reason=self.reset_reason)
 
     def _begin_buffering(self, session: Session) -> None:
         """Buffers the frames from here on, if there is anything to find out about the ground."""

@@ -25,6 +25,7 @@ OTHER_TOPIC = "/cam/height"
 FRAME_ID = "cam_optical"
 LOG_DELAY_NS = 3_000_000  # a message is logged a little after its stamp
 MCAP_PROFILE = "ros2"
+_ENCODINGS = {(1,): "mono8", (2,): "mono16", (3, 1): "bgr8", (4, 1): "bgra8"}  # by channels and bytes of a value
 
 _JAZZY = get_typestore(Stores.ROS2_JAZZY)
 _NOETIC = get_typestore(Stores.ROS1_NOETIC)
@@ -41,13 +42,13 @@ class Entry:
 
 
 def image(shot: Shot, store: Typestore = _JAZZY) -> Any:
-    """sensor_msgs/Image, mono8 or bgr8."""
-    height, width = shot.image.shape[:2]
-    encoding, channels = ("mono8", 1) if shot.image.ndim == 2 else ("bgr8", 3)
-    data = np.ascontiguousarray(shot.image).reshape(-1)
+    """sensor_msgs/Image, mono8, mono16, bgr8 or bgra8."""
+    height, width, *channels = shot.image.shape
+    encoding = _ENCODINGS[(*channels, shot.image.itemsize)]
+    data = np.ascontiguousarray(shot.image).reshape(-1).view(np.uint8)
     return store.types["sensor_msgs/msg/Image"](
         header=header(shot.stamp_ns, store), height=height, width=width, encoding=encoding, is_bigendian=0,
-        step=width * channels, data=data)
+        step=len(data) // height, data=data)
 
 
 def compressed(shot: Shot, suffix: str) -> Any:

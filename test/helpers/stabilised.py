@@ -19,7 +19,7 @@ from stab_ros.synthetic.flight import Shot
 
 JAZZY = get_typestore(Stores.ROS2_JAZZY)
 COLUMNS = ("frame,stamp_ns,status,h00,h01,h02,h10,h11,h12,h20,h21,h22,"
-           "matches,inliers,rmse_px,sigma_px,reset_counter,lost_reason")
+           "matches,inliers,rmse_px,sigma_px,reset_counter,lost_reason,reset_reason")
 
 
 def run(command: Command, *arguments: object) -> tuple[str, str]:

@@ -44,8 +44,8 @@ def test_the_table_is_that_of_the_contract(tmp_path: Path) -> None:
         flushed = (tmp_path / "H.csv").read_text()
     assert flushed.splitlines() == [
         f"{HEADER},{','.join(TRACK_COLUMNS)}",
-        "7,5,TRACKED,1.5,0.0,0.0,0.0,1.0,0.0,0.0,0.0,1.0,30,20,0.125,0.25,0,",
-        "8,5,LOST,,,,,,,,,,3,0,,,0,no features found",
+        "7,5,TRACKED,1.5,0.0,0.0,0.0,1.0,0.0,0.0,0.0,1.0,30,20,0.125,0.25,0,,",
+        "8,5,LOST,,,,,,,,,,3,0,,,0,no features found,",
     ]
 
 

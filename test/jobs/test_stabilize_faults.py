@@ -160,9 +160,12 @@ def test_pictures_of_another_size_have_a_reference_of_their_own(
     bag = write_mcap(tmp_path / "in.mcap", list(entries(shots)))
     out, err = run(command, bag, tmp_path / "out.mcap", "--homographies", tmp_path / "H.csv",
                    "--video", tmp_path / "V.mp4")
-    assert (out.splitlines()[0].split(",")[0], err) == ("8 frames: 8 tracked", "")
+    assert out.splitlines()[0].split(",")[0] == "8 frames: 8 tracked"
+    assert len(err.splitlines()) == 1
+    assert "at frame 3 (the images have another size, 320x200 mono8), at frame 6 (" in err
     rows = table(tmp_path / "H.csv")
     assert [row["reset_counter"] for row in rows] == list("00011122")
+    assert [row["reset_reason"] for row in rows] == [""] * 3 + ["other size"] * 5
     references = [shots[first] for first in (0, 0, 0, 3, 3, 3, 6, 6)]
     sizes = [(480, 270)] * 3 + [SMALL] * 3 + [(480, 270)] * 2
     for row, shot, reference, size in zip(rows, shots, references, sizes, strict=True):
