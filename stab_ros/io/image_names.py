@@ -59,8 +59,10 @@ def _order(files: Sequence[Path]) -> str:
 
 def _series(files: Sequence[Path]) -> str:
     """Names of several patterns, as of two cameras or two flights."""
-    patterns = Counter(_NUMBER.sub("#", file.name.lower()) for file in files)
-    found = [f"{pattern} ({count})" for pattern, count in patterns.most_common() if "#" in pattern]
+    patterns = [_NUMBER.sub("#", file.name) for file in files]
+    shown = {pattern.lower(): pattern for pattern in reversed(patterns)}  # IMG_1.JPG and IMG_2.jpg are one series
+    counts = Counter(pattern.lower() for pattern in patterns).most_common()
+    found = [f"{shown[pattern]} ({count})" for pattern, count in counts if "#" in pattern]
     if len(found) < 2:
         return ""
     named = ", ".join(found[:_NAMED]) + (", ..." if len(found) > _NAMED else "")

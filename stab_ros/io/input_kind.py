@@ -55,9 +55,17 @@ def _kind_of_folder(path: Path) -> Kind:
             return Kind.FOLDER
         if (path / METADATA).exists() or any(path.glob("*.mcap")):  # a killed recorder leaves no whole metadata.yaml
             return Kind.BAG
-        unread = unread_kinds(path)
+        beside = _beside(path)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; the input must be {_KINDS}") from error
-    but = f", but *{', *'.join(unread)}, to be converted first" if unread else ""
     raise InputError(
-        f"{path}: holds neither a bag ({METADATA}, .mcap) nor images ({', '.join(IMAGE_SUFFIXES)}){but}")
+        f"{path}: holds neither a bag ({METADATA}, .mcap) nor images ({', '.join(IMAGE_SUFFIXES)}){beside}")
+
+
+def _beside(path: Path) -> str:
+    """What in the folder the user may have meant."""
+    unread = unread_kinds(path)
+    if unread:
+        return f", but *{', *'.join(unread)}, to be converted first"
+    full = next((one for one in sorted(path.iterdir()) if one.is_dir() and image_files(one)), None)
+    return f"; its folder {full.name} holds images" if full else ""

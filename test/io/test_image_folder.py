@@ -104,7 +104,7 @@ def test_two_series_in_one_folder_are_said(tmp_path: Path) -> None:
     frames, warnings = read(tmp_path)
     assert len(frames) == 6
     assert [*map(str, warnings)] == [
-        f"{tmp_path}: the names of the images follow 2 patterns, dji_#.png (3), gopr#.jpg (3); all are frames of one "
+        f"{tmp_path}: the names of the images follow 2 patterns, DJI_#.png (3), GOPR#.jpg (3); all are frames of one "
         "recording"]
 
 
@@ -118,6 +118,28 @@ def test_pictures_that_cannot_be_read_are_named_unless_they_accompany_one_that_c
     (tmp_path / "DJI_0001.jpg").unlink()
     with pytest.raises(InputError, match=r"nor images .* but \*\.dng, \*\.gif, to be converted first"):
         kind_of(tmp_path)
+
+
+def test_images_in_a_sub_folder_are_pointed_at(tmp_path: Path) -> None:
+    (tmp_path / "100MEDIA").mkdir()
+    save(tmp_path / "100MEDIA" / "DJI_0001.jpg")
+    with pytest.raises(InputError, match=r"holds neither .*; its folder 100MEDIA holds images"):
+        kind_of(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["\udcff\udcfe_1.png", "9" * 240 + ".png", "frame\n1.png", "1.PNG"])
+def test_any_name_will_do(name: str, tmp_path: Path) -> None:
+    save(tmp_path / "0.png")
+    (tmp_path / "0.png").rename(tmp_path / name)
+    assert len(read(tmp_path)[0]) == 1
+
+
+def test_a_link_to_nothing_and_an_empty_file_are_lost_frames(tmp_path: Path) -> None:
+    save(tmp_path / "0.png")
+    (tmp_path / "1.png").symlink_to(tmp_path / "gone.png")
+    (tmp_path / "2.tif").write_bytes(b"")
+    decoded = [str(one) for _, one in ImageFolder(tmp_path, None).frames() if isinstance(one, MessageError)]
+    assert decoded == [f"{tmp_path / name} cannot be decoded" for name in ("1.png", "2.tif")]
 
 
 # --- EXIF ------------------------------------------------------------------------------------------------------------
