@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from stab_ros.core.errors import ConfigError, InputError, MessageError, StabRosError, WorkError
     from stab_ros.core.geometry import rms_distance
     from stab_ros.core.region import Area, Region
-    from stab_ros.core.types import Frame, Homography, Image, LostReason, Stabilized, State, Track
+    from stab_ros.core.types import Frame, Homography, Image, LostReason, ResetReason, Stabilized, State, Track
     from stab_ros.evaluation.evaluator import Arrival, Evaluator
     from stab_ros.evaluation.frame_metrics import FrameMetrics
     from stab_ros.evaluation.settings import EvaluatorConfig
@@ -50,6 +50,7 @@ __all__ = [
     "MessageError",
     "Picture",
     "Region",
+    "ResetReason",
     "Source",
     "StabRosError",
     "Stabilized",
@@ -76,7 +77,7 @@ _NAMES = {
     "core.errors": ("ConfigError", "InputError", "MessageError", "StabRosError", "WorkError"),
     "core.geometry": ("rms_distance",),
     "core.region": ("Area", "Region"),
-    "core.types": ("Frame", "Homography", "Image", "LostReason", "Stabilized", "State", "Track"),
+    "core.types": ("Frame", "Homography", "Image", "LostReason", "ResetReason", "Stabilized", "State", "Track"),
     "evaluation.evaluator": ("Arrival", "Evaluator"),
     "evaluation.frame_metrics": ("FrameMetrics",),
     "evaluation.settings": ("EvaluatorConfig",),
