@@ -115,7 +115,7 @@ def _fill(patches: Patches, usable: BoolArray, which: IdArray, gray: Gray) -> No
     instrument = _gradient(cv2.GaussianBlur(rows.astype(np.float32), (0, 0), _SMOOTHING_PX), centres, radius)
     gradient, instrument = (_orthogonal_to_brightness(image, template, power) for image in (gradient, instrument))
     response = np.einsum("anij,bnij->nab", instrument, gradient)
-    good = np.abs(np.linalg.det(response)) > 1e-6 * response[:, 0, 0] * response[:, 1, 1]
+    good = _is_regular(response, 1e-6) & _is_regular(np.einsum("anij,bnij->nab", instrument, instrument), 1e-12)
     filters = -np.einsum("nab,bnij->anij", np.linalg.inv(response[good]), instrument[:, good])
     along = np.arange(-radius, radius + 1.0)
     moments = np.stack([gradient[:, good] * along, gradient[:, good] * along[:, None]], axis=1)  # with x and with y
@@ -124,6 +124,11 @@ def _fill(patches: Patches, usable: BoolArray, which: IdArray, gray: Gray) -> No
     patches.template[which], patches.power[which], patches.filters[:, which] = template[good], power[good], filters
     patches.precision[which] = np.linalg.inv(np.einsum("anij,bnij->nab", filters, filters))
     patches.affine_sensitivity[which] = -np.einsum("anij,dmnij->nadm", filters, moments).reshape(-1, 2, 4)
+
+
+def _is_regular(matrices: FloatArray, least: float) -> BoolArray:
+    """(N,) bool: which of (N, 2, 2) have a determinant of more than this share of the product of their diagonal."""
+    return np.asarray(np.abs(np.linalg.det(matrices)) > least * np.abs(matrices[:, 0, 0] * matrices[:, 1, 1]))
 
 
 def _band(gray: Gray, centres: IdArray, reach: int) -> tuple[Gray, IdArray]:

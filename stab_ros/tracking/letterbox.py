@@ -1,7 +1,11 @@
-"""Bars at the edges of the picture, as a player or a stitched video leaves them: their edges are no ground."""
+"""Bars at the edges of the picture, as a player or a stitched video leaves them, and the black around a round view.
+
+Their edges are no ground.
+"""
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from stab_ros.core.types import BoolArray, Gray
@@ -10,16 +14,18 @@ _MOST_DEVIATION = 3.0  # grey levels along a row of a bar, which compression has
 _MOST_CHANGE = 6.0  # of its mean, from the outermost row on
 _LEAST_PX = 3  # a bar
 _MARGIN_PX = 16  # a patch and the soft edge of a bar
+_BLACK = 40  # grey levels, at most, of what surrounds a round view
 
 
 def within_bars(gray: Gray) -> BoolArray:
-    """(h, w) bool: what a picture, (h, w) uint8, shows inside of its bars; all of it where it has none."""
+    """(h, w) bool: what a picture, (h, w) uint8, shows inside of bars and round view; all of it without them."""
     shown = np.ones(gray.shape, bool)
     for lines, inside in ((gray, shown), (gray.T, shown.T)):
         first, last = _bar(lines), _bar(lines[::-1])
         if first + last < len(lines):
             inside[:first] = inside[len(lines) - last :] = False
-    return shown
+    within = shown & ~_around(gray)
+    return within if within.any() else shown
 
 
 def _bar(lines: Gray) -> int:
@@ -30,3 +36,17 @@ def _bar(lines: Gray) -> int:
             break
         width += 1
     return width + _MARGIN_PX if width >= _LEAST_PX else 0
+
+
+def _around(gray: Gray) -> BoolArray:
+    """(h, w) bool: black that reaches into all four corners, with the margin; nowhere if one of them shows more."""
+    corners = [gray[rows, columns] for rows in (slice(_LEAST_PX), slice(-_LEAST_PX, None))
+               for columns in (slice(_LEAST_PX), slice(-_LEAST_PX, None))]
+    levels = [float(corner.mean()) for corner in corners]
+    textured = max(corner.std() for corner in corners) > _MOST_DEVIATION
+    if textured or max(levels) > min(_BLACK, min(levels) + _MOST_CHANGE):
+        return np.zeros(gray.shape, bool)
+    _, part = cv2.connectedComponents((gray <= max(levels) + _MOST_CHANGE).astype(np.uint8), connectivity=4)
+    black = np.isin(part, part[[0, 0, -1, -1], [0, -1, 0, -1]])
+    margin = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * _MARGIN_PX + 1, 2 * _MARGIN_PX + 1))
+    return np.asarray(cv2.dilate(black.astype(np.uint8), margin) > 0)

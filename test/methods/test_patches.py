@@ -14,3 +14,10 @@ def test_patches_that_are_flat_or_striped_are_left_out() -> None:
     kept = cut_patches(gray, np.concatenate([flat, textured, striped]), 7)
     np.testing.assert_array_equal(kept.centres, textured)
     assert np.isfinite(kept.filters).all()
+
+
+def test_a_patch_whose_gradients_are_all_parallel_is_left_out() -> None:
+    x, y = np.meshgrid(np.arange(131), np.arange(64))
+    ramp = (255 * (x + y) / (131 + 64)).astype(np.uint8)
+    ramp[np.hypot(x - 65.5, y - 32) > 21] = 255  # as a round view has it
+    assert len(cut_patches(ramp, np.array([[65, 22]]), 7)) == 0

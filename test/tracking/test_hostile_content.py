@@ -19,7 +19,8 @@ _BARS = np.repeat(np.array([235, 210, 170, 145, 106, 81, 41, 16], np.uint8), 8)
 
 
 def _scene(size: tuple[int, int], dx: int) -> Gray:
-    return picture(shift(dx, 0.5 * dx), (160, 120), noise=1.0)[: size[1], : size[0]].copy()
+    seen: Gray = picture(shift(dx, 0.5 * dx), (160, 120), noise=1.0)[: size[1], : size[0]]
+    return seen.copy()
 
 
 def _fitted(image: Gray, size: tuple[int, int]) -> Gray:

@@ -35,6 +35,25 @@ def test_bars_and_what_patches_see_of_them_are_left_out(quality: int, upright: b
     assert inside[80 : height - 80].all()
 
 
+@pytest.mark.parametrize("quality", [100, 60])
+@pytest.mark.parametrize("black", [0, 16])
+def test_the_black_around_a_round_view_is_left_out(quality: int, black: int) -> None:
+    image = picture()
+    y, x = np.ogrid[: image.shape[0], : image.shape[1]]
+    from_centre_px = np.hypot(x - image.shape[1] / 2, y - image.shape[0] / 2)
+    image[from_centre_px > 140] = black
+    soft = np.asarray(cv2.imdecode(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1], 0))
+    inside = within_bars(soft)
+    assert not inside[from_centre_px > 140 - PATCH_PX].any()
+    assert inside[from_centre_px < 115].all()
+
+
+def test_a_dark_corner_is_no_round_view() -> None:
+    image = picture()
+    image[:60, :60] = image[-60:, -60:] = image[:60, -60:] = 0
+    assert within_bars(image).all()
+
+
 def test_a_picture_without_bars_is_used_to_its_edges() -> None:
     assert within_bars(picture()).all()
     assert within_bars(np.zeros((300, 400), np.uint8)).all()
