@@ -11,6 +11,7 @@ import numpy as np
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.types import Frame, Image
 from stab_ros.io.capture_times import CaptureTimes
+from stab_ros.io.decoded_image import decoded_frame
 from stab_ros.io.frame_reader import DEFAULT_FPS, FRAME_ID, Decoded, stamp_ns
 from stab_ros.io.image_metadata import ImageMetadata, read_metadata, turned
 from stab_ros.io.image_names import image_files, name_remarks
@@ -18,11 +19,9 @@ from stab_ros.io.orientation import Orientation
 from stab_ros.io.stored_image import StoredImage, stored_images
 from stab_ros.io.tiff_pages import DamagedTiffError
 
-_ENCODING = {(1, "uint8"): "mono8", (1, "uint16"): "mono16", (3, "uint8"): "bgr8", (4, "uint8"): "bgra8"}
-
 
 class ImageFolder:
-    """A folder of images of one size, 8 or 16 bit, in the order of the numbers in their names; TIFF files page by page.
+    """A folder of images of one size in the order of the numbers in their names; TIFF files page by page.
 
     Raises:
         InputError: two sizes (while reading).
@@ -85,13 +84,10 @@ def _pixels(image: StoredImage) -> Image | None:
 
 def _decoded(pixels: Image, path: Path, stamp: int) -> Decoded:
     """path: of the image, for messages."""
-    if pixels.ndim == 3 and pixels.dtype == np.uint16:
-        pixels = (pixels >> 8).astype(np.uint8)
-    channels = pixels.shape[2] if pixels.ndim == 3 else 1
-    encoding = _ENCODING.get((channels, pixels.dtype.name))
-    if encoding is None:
-        return MessageError(f"{path} has pixels of type {pixels.dtype.name}, they must be 8 or 16 bit")
-    return Frame(pixels, encoding, stamp, FRAME_ID)
+    try:
+        return decoded_frame(pixels, stamp, FRAME_ID)
+    except MessageError as error:
+        return MessageError(f"{path}: {error}")
 
 
 def _check_size(first: StoredImage, first_frame: Frame, other: StoredImage, other_frame: Frame) -> None:
