@@ -13,10 +13,11 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.text import one_line
 from stab_ros.io.bag_types import BagReader, Message, Topic, definition_of, topic_of
 from stab_ros.io.bag_writer import BagWriter
+from stab_ros.io.mcap_extras import Extra
 from stab_ros.io.mcap_reader import McapReader
 from stab_ros.io.rosbags_reader import RosbagsReader
 
-__all__ = ["BagReader", "BagWriter", "Message", "Topic", "definition_of", "open_bag", "topic_of"]
+__all__ = ["BagReader", "BagWriter", "Extra", "Message", "Topic", "definition_of", "open_bag", "topic_of"]
 
 _METADATA_LIMIT = 2**20  # characters of metadata.yaml: thousands of files and topics
 KINDS = "an .mcap, a rosbag2 folder or a ROS 1 .bag"

@@ -10,7 +10,7 @@ from pathlib import Path
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.types import Frame
 from stab_ros.imaging.camera import Camera
-from stab_ros.io.bag import BagReader, Message, Topic
+from stab_ros.io.bag import BagReader, Extra, Message, Topic
 from stab_ros.io.camera_message import read_camera
 from stab_ros.io.cdr import CAMERA_INFO, COMPRESSED_IMAGE, read_stamp
 from stab_ros.io.frame_reader import DEFAULT_FPS, MAX_FPS, Decoded
@@ -51,6 +51,9 @@ class BagSource:
     def frames(self, limit: int | None = None) -> Iterator[Picture]:
         pictures = map(self._picture, self._reader.messages([self.image_topic]))
         return only_pictures(readable(self.name, self.image_topic, limited(pictures, limit)))
+
+    def extras(self) -> Iterator[Extra]:
+        return self._reader.extras()
 
     def rate_hz(self) -> float:
         messages = itertools.islice(self._reader.messages([self.image_topic]), _RATE_FRAMES)

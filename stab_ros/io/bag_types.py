@@ -8,6 +8,7 @@ from typing import NamedTuple, Protocol
 
 from stab_ros.core.errors import InputError
 from stab_ros.io.cdr import typestore
+from stab_ros.io.mcap_extras import Extra
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,9 @@ class BagReader(Protocol):
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
         """The messages of `topics` (None: of all) in the order of their log time."""
+
+    def extras(self) -> Iterator[Extra]:
+        """Attachments and metadata of an MCAP recording; none in other formats."""
 
 
 def definition_of(msgtype: str) -> str:

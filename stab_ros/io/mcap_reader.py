@@ -12,6 +12,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.text import one_line
 from stab_ros.io.bag_types import Message, Topic
 from stab_ros.io.mcap_contents import Block, McapContents
+from stab_ros.io.mcap_extras import Extra
 from stab_ros.io.mcap_file import McapFile
 from stab_ros.io.mcap_records import RecordedMessage
 
@@ -79,6 +80,14 @@ class McapReader:
             if due.message is not None:
                 _, publish_time_ns, channel_id, data = due.message
                 yield Message(self._names[due.file_number][channel_id], due.time_ns, publish_time_ns, data)
+
+    def extras(self) -> Iterator[Extra]:
+        """Attachments and metadata of all files; what several files hold comes once."""
+        known = set[bytes]()
+        for file in self._files:
+            found = [extra for extra in file.extras() if extra.digest not in known]
+            known.update(extra.digest for extra in found)
+            yield from found
 
     def _take_topics(self, file: McapFile) -> dict[int, str]:
         names: dict[int, str] = {}

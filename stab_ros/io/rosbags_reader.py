@@ -24,6 +24,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.text import one_line
 from stab_ros.io.bag_types import Message, Topic, topic_of
 from stab_ros.io.cdr import typestore
+from stab_ros.io.mcap_extras import Extra
 from stab_ros.io.rosbags_bounds import BoundedReader1, BoundedReader2, unpacked_message
 
 if sys.version_info >= (3, 14):
@@ -85,6 +86,10 @@ class RosbagsReader:
                 yield from self._converted(connection.id, time_ns, data)
         except _DAMAGE as error:
             self._warn(f"is damaged after {time_ns} ns ({_reason(error)}), what follows is lost")
+
+    def extras(self) -> Iterator[Extra]:
+        """None: these formats have no such thing."""
+        return iter(())
 
     def _converted(self, connection_id: int, time_ns: int, data: bytes) -> Iterator[Message]:
         topic, to_cdr = self._conversions[connection_id]

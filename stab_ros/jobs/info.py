@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from stab_ros.core.errors import MessageError
+from stab_ros.core.text import one_line
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import BagReader, Topic, open_bag
 from stab_ros.io.image_message import read_image
@@ -22,7 +23,7 @@ def describe(path: Path) -> tuple[list[str], list[str]]:
     if kind_of(path) is not Kind.BAG:
         return _describe_pictures(path)
     with open_bag(path) as reader:
-        return [f"{path}: {_span(reader)}", *_table(reader), *_images(reader)], reader.warnings
+        return [f"{path}: {_span(reader)}", *_table(reader), *_images(reader), *_extras(reader)], reader.warnings
 
 
 def _describe_pictures(path: Path) -> tuple[list[str], list[str]]:
@@ -66,6 +67,10 @@ def _first_image(reader: BagReader, topic: Topic) -> str:
         except MessageError as error:
             return _picture(error)
     return "no images"
+
+
+def _extras(reader: BagReader) -> list[str]:
+    return [f"  {one_line(extra)}" for extra in reader.extras()]
 
 
 def _picture(decoded: Frame | MessageError) -> str:

@@ -40,7 +40,7 @@ def names_for(image_topic: Topic, with_image: bool) -> Names:
 
 
 class StabilizedBag:
-    """Writes homography, track and stabilised image of every frame, and copies the other messages byte for byte.
+    """Writes homography, track and stabilised image of every frame, and copies all else of the input byte for byte.
 
     It writes the static map whenever it changes. An input topic with the name of an output topic is left out
     (`replaced`).
@@ -66,6 +66,7 @@ class StabilizedBag:
             writer.add_topic(topic_of(name, msgtype))
         for name in sorted(self._taken_over):
             writer.add_topic(source.topics[name])
+        writer.add_extras(source.extras())
 
     def take_over(self, message: Message) -> None:
         if message.topic in self._taken_over:

@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "helpers"))
 
 import cv2
 import numpy as np
-from bag_makers import FLIGHT, JAZZY, NOETIC, START_NS, STRING, by_mcap, ros1_messages
+from bag_makers import EXTRAS, FLIGHT, JAZZY, NOETIC, START_NS, STRING, by_mcap, ros1_messages, with_extras
 from mcap.writer import CompressionType
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import Writer as Writer2
@@ -109,6 +109,9 @@ def mcap_files() -> Iterator[bytes]:
                                                **options))
             yield whole
         yield whole[: len(whole) * 2 // 3]  # without an index
+    with TemporaryDirectory() as folder:
+        plain = by_mcap(Path(folder) / "a.mcap", short[:2])
+        yield _written("a.mcap", lambda path: with_extras(plain, path, EXTRAS[:3], enable_crcs=False))
 
 
 def db3_files() -> Iterator[bytes]:
