@@ -5,21 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
-
-import yaml
 
 from stab_ros.core.errors import InputError
-from stab_ros.core.text import one_line
 from stab_ros.io.bag_types import BagReader, Message, Topic, definition_of, topic_of
 from stab_ros.io.bag_writer import BagWriter
 from stab_ros.io.mcap_extras import Extra
 from stab_ros.io.mcap_reader import McapReader
+from stab_ros.io.rosbag2_folder import COMPRESSED, parts_of
 from stab_ros.io.rosbags_reader import RosbagsReader
+from stab_ros.io.split_reader import SplitReader
 
 __all__ = ["BagReader", "BagWriter", "Extra", "Message", "Topic", "definition_of", "open_bag", "topic_of"]
 
-_METADATA_LIMIT = 2**20  # characters of metadata.yaml: thousands of files and topics
 KINDS = "an .mcap, a rosbag2 folder or a ROS 1 .bag"
 
 
@@ -38,7 +35,7 @@ def open_bag(path: Path) -> Iterator[BagReader]:
         yield reader
 
 
-def _reader_of(path: Path) -> McapReader | RosbagsReader:
+def _reader_of(path: Path) -> McapReader | RosbagsReader | SplitReader:
     if not path.exists():
         raise InputError(f"{path}: no such file or folder, the recording must be {KINDS}")
     if path.is_dir():
@@ -50,31 +47,16 @@ def _reader_of(path: Path) -> McapReader | RosbagsReader:
         if path.stat().st_size == 0:
             raise InputError(f"{path}: is empty, the recording must be {KINDS}")
         return RosbagsReader(path)
+    if name.endswith((f".mcap{COMPRESSED}", f".db3{COMPRESSED}")):
+        return SplitReader([path])
     raise InputError(f"{path}: is no recording by its name, it must be {KINDS}")
 
 
-def _folder_reader(folder: Path) -> McapReader | RosbagsReader:
-    """Uncompressed MCAP files are read by `McapReader`, as they may be damaged; other rosbag2 folders by rosbags."""
-    found = sorted(folder.glob("*.mcap"))
-    metadata = _metadata_of(folder)
-    if metadata.get("compression_mode", "").lower() not in ("", "none") or (metadata and not found):
-        return RosbagsReader(folder)
-    if not found:
-        raise InputError(f"{folder}: holds no readable metadata.yaml and no .mcap file, the recording must be {KINDS}")
-    if not metadata:
-        return McapReader(found, [f"{folder}: has no readable metadata.yaml, all its .mcap files were taken"])
-    listed = [folder / Path(name).name for name in metadata["relative_file_paths"]]
-    missing = [f"{one_line(path)}: is missing, its messages are lost" for path in listed if path not in found]
-    return McapReader([path for path in listed if path in found] or found, missing)
-
-
-def _metadata_of(folder: Path) -> dict[str, Any]:
-    """The content of metadata.yaml; empty if it is missing or damaged (a killed recorder leaves none)."""
-    try:
-        with (folder / "metadata.yaml").open(encoding="utf-8") as file:
-            text = file.read(_METADATA_LIMIT + 1)
-        found = {} if len(text) > _METADATA_LIMIT else yaml.safe_load(text)["rosbag2_bagfile_information"]
-        valid = all(isinstance(name, str) for name in found["relative_file_paths"])
-        return dict(found) if valid and isinstance(found.get("compression_mode", ""), str) else {}
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError, yaml.YAMLError):
-        return {}
+def _folder_reader(folder: Path) -> McapReader | SplitReader:
+    """MCAP files are read as one, block by block."""
+    parts, said = parts_of(folder)
+    if not parts:
+        why = "; ".join(said) or "it is empty"
+        raise InputError(f"{folder}: holds no recording ({why}), the recording must be {KINDS}")
+    whole = all(path.name.lower().endswith(".mcap") for path in parts)
+    return McapReader(parts, said) if whole else SplitReader(parts, said)

@@ -7,9 +7,10 @@ from pathlib import Path
 
 from stab_ros.core.errors import InputError
 from stab_ros.io.image_folder import IMAGE_SUFFIXES, image_files
+from stab_ros.io.rosbag2_folder import PART_SUFFIXES
 from stab_ros.io.video import VIDEO_SUFFIXES
 
-_BAG_SUFFIXES = (".mcap", ".mcap.partial", ".bag", ".db3")
+_BAG_SUFFIXES = (*PART_SUFFIXES, ".mcap.partial", ".bag")
 _KINDS = "an .mcap, a rosbag2 folder, a ROS 1 .bag, a video file or a folder of images"
 
 
@@ -46,8 +47,8 @@ def _kind_of_folder(path: Path) -> Kind:
             return Kind.BAG
         if image_files(path):
             return Kind.FOLDER
-        if any(path.glob("*.mcap")):  # a killed recorder leaves no metadata.yaml
+        if any(found.name.lower().endswith(PART_SUFFIXES) for found in path.iterdir()):  # its recorder was killed
             return Kind.BAG
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; the input must be {_KINDS}") from error
-    raise InputError(f"{path}: holds neither a bag (metadata.yaml, .mcap) nor images ({', '.join(IMAGE_SUFFIXES)})")
+    raise InputError(f"{path}: holds neither a bag (.mcap, .db3) nor images ({', '.join(IMAGE_SUFFIXES)})")

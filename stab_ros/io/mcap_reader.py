@@ -11,6 +11,7 @@ from typing import NamedTuple
 from stab_ros.core.errors import InputError
 from stab_ros.core.text import one_line
 from stab_ros.io.bag_types import Message, Topic
+from stab_ros.io.compression import UNPACKING_ERRORS, plain_message
 from stab_ros.io.mcap_contents import Block, McapContents
 from stab_ros.io.mcap_extras import Extra
 from stab_ros.io.mcap_file import McapFile
@@ -78,8 +79,16 @@ class McapReader:
         ]
         for due in heapq.merge(*streams):
             if due.message is not None:
-                _, publish_time_ns, channel_id, data = due.message
-                yield Message(self._names[due.file_number][channel_id], due.time_ns, publish_time_ns, data)
+                yield from self._plain(self._names[due.file_number][due.message.channel_id], due.message)
+
+    def _plain(self, topic: str, message: RecordedMessage) -> Iterator[Message]:
+        try:
+            data = plain_message(message.data) if self.topics[topic].encoding == "cdr" else message.data
+        except UNPACKING_ERRORS as error:
+            what = one_line(f"a message of {topic} at {message.log_time_ns} ns is damaged ({error})")
+            self._extra_warnings.append(f"{self._files[0].path}: {what}, it is left out")
+            return
+        yield Message(topic, message.log_time_ns, message.publish_time_ns, data)
 
     def extras(self) -> Iterator[Extra]:
         """Attachments and metadata of all files; what several files hold comes once."""
