@@ -85,7 +85,8 @@ def camera_infos() -> Iterator[bytes]:
         message = JAZZY.types[CAMERA_INFO](
             _HEADER, 270, 480, model, np.full(d, 0.01), K, np.eye(3).ravel(), P, 0, 0, roi)
         for little_endian in (True, False):
-            yield bytes(JAZZY.serialize_cdr(message, CAMERA_INFO, little_endian=little_endian))
+            cdr = bytes(JAZZY.serialize_cdr(message, CAMERA_INFO, little_endian=little_endian))
+            yield from (cdr, bytes((0, cdr[1] + 6)) + cdr[2:])  # and as XCDR2
     lost = JAZZY.types[CAMERA_INFO](_HEADER, 270, 480, "", np.zeros(0), K * 0, K * 0, P * 0, 0, 0, roi)
     yield bytes(JAZZY.serialize_cdr(lost, CAMERA_INFO))
 
