@@ -95,9 +95,13 @@ class BagSource:
 
 
 def namespace_of(topic: Topic) -> str:
-    """The camera's namespace: `/ns` for `/ns/image_raw`, `/ns/image_raw/compressed` and any other `/ns/name`."""
-    base = topic.name.removesuffix("/compressed") if topic.msgtype == COMPRESSED_IMAGE else topic.name
-    return base.rpartition("/")[0]
+    """The camera's namespace: `/ns` for `/ns/image_raw`, `/ns/image_raw/compressed` and any other `/ns/name`.
+
+    ROS knows no slash at the end of a name, nor two in a row, but recordings have them.
+    """
+    name = topic.name.rstrip("/")
+    base = name.removesuffix("/compressed") if topic.msgtype == COMPRESSED_IMAGE else name
+    return base.rpartition("/")[0].rstrip("/")
 
 
 def _choose_topic(name: str, topics: Mapping[str, Topic], wanted: str | None) -> str:
