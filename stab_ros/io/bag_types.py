@@ -17,7 +17,7 @@ class Topic:
 
     definition: ros2msg text with its dependencies, "" if unknown (bytes that are not UTF-8 as surrogate escapes).
     qos: offered_qos_profiles as YAML, "" if unknown. encoding: of the messages; schema_encoding: of the definition.
-    type_hash: RIHS01 of the type, "" if unknown.
+    type_hash: RIHS01 of the type, "" if unknown. notes: what else an MCAP file says of it, names and values.
     """
 
     name: str
@@ -28,6 +28,7 @@ class Topic:
     encoding: str = "cdr"
     schema_encoding: str = "ros2msg"
     type_hash: str = ""
+    notes: tuple[tuple[str, str], ...] = ()
 
 
 class Message(NamedTuple):

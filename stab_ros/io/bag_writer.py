@@ -18,6 +18,7 @@ from mcap.writer import CompressionType, Writer
 
 from stab_ros.core.errors import InputError, WorkError
 from stab_ros.io.bag_types import Topic
+from stab_ros.io.mcap_contents import QOS_KEY, TYPE_HASH_KEY
 from stab_ros.io.mcap_extras import Extra
 from stab_ros.io.mcap_records import MAGIC
 from stab_ros.io.mcap_summary import end_with_extras
@@ -80,9 +81,9 @@ class BagWriter:
         if (known.msgtype, known.encoding) != (topic.msgtype, topic.encoding):
             raise InputError(f"{self.path}: topic {topic.name} is {known.msgtype}, it cannot also be {topic.msgtype}")
         if topic.name not in self._channels:
-            metadata = {"offered_qos_profiles": topic.qos}
+            metadata = {QOS_KEY: topic.qos, **dict(topic.notes)}
             if topic.type_hash:
-                metadata["topic_type_hash"] = topic.type_hash
+                metadata[TYPE_HASH_KEY] = topic.type_hash
             self._channels[topic.name] = self._writer.register_channel(
                 topic.name, topic.encoding, self._schema_of(topic), metadata)
 

@@ -10,6 +10,8 @@ from mcap.records import Channel, Schema
 
 from stab_ros.io.mcap_records import RECORD_HEAD, DamagedError, Record, read_exactly, unpacked
 
+QOS_KEY, TYPE_HASH_KEY = "offered_qos_profiles", "topic_type_hash"  # of a channel's metadata, by rosbag2
+
 
 class Block(NamedTuple):
     """A part of the file that holds messages: a chunk, or messages outside of chunks. Log times in ns."""

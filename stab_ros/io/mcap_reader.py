@@ -12,7 +12,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.text import one_line
 from stab_ros.io.bag_types import Message, Topic
 from stab_ros.io.compression import UNPACKING_ERRORS, plain_message
-from stab_ros.io.mcap_contents import Block, McapContents
+from stab_ros.io.mcap_contents import QOS_KEY, TYPE_HASH_KEY, Block, McapContents
 from stab_ros.io.mcap_extras import Extra
 from stab_ros.io.mcap_file import McapFile
 from stab_ros.io.mcap_records import RecordedMessage
@@ -124,10 +124,11 @@ def _topic_of(contents: McapContents, channel_id: int) -> Topic:
         msgtype="" if schema is None else schema.name,
         count=contents.counts[channel_id],
         definition="" if schema is None else schema.data.decode(errors="surrogateescape"),
-        qos=channel.metadata.get("offered_qos_profiles", ""),
+        qos=channel.metadata.get(QOS_KEY, ""),
         encoding=channel.message_encoding,
         schema_encoding="" if schema is None else schema.encoding,
-        type_hash=channel.metadata.get("topic_type_hash", ""),
+        type_hash=channel.metadata.get(TYPE_HASH_KEY, ""),
+        notes=tuple((key, value) for key, value in channel.metadata.items() if key not in (QOS_KEY, TYPE_HASH_KEY)),
     )
 
 

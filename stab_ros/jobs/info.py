@@ -50,14 +50,16 @@ def _utc(time_ns: int) -> str:
 
 def _table(reader: BagReader) -> list[str]:
     topics = sorted(reader.topics.values(), key=lambda topic: topic.name)
-    width = max((len(topic.name) for topic in topics), default=0)
-    type_width = max((len(topic.msgtype) for topic in topics), default=0)
-    return [f"  {topic.name:{width}}  {topic.msgtype:{type_width}}  {topic.count:6}" for topic in topics]
+    names = [(one_line(topic.name), one_line(topic.msgtype)) for topic in topics]
+    width = max((len(name) for name, _ in names), default=0)
+    type_width = max((len(msgtype) for _, msgtype in names), default=0)
+    return [f"  {name:{width}}  {msgtype:{type_width}}  {topic.count:6}"
+            for (name, msgtype), topic in zip(names, topics, strict=True)]
 
 
 def _images(reader: BagReader) -> list[str]:
-    topics = [topic for topic in reader.topics.values() if topic.msgtype in IMAGE_TYPES]
-    return [f"  {topic.name}: {_first_image(reader, topic)}" for topic in sorted(topics, key=lambda topic: topic.name)]
+    topics = [topic for _, topic in sorted(reader.topics.items()) if topic.msgtype in IMAGE_TYPES]
+    return [f"  {one_line(topic.name)}: {_first_image(reader, topic)}" for topic in topics]
 
 
 def _first_image(reader: BagReader, topic: Topic) -> str:
