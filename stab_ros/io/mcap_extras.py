@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import IO
 
@@ -52,6 +52,15 @@ def read_extra(file: IO[bytes], offset: int, length: int) -> Extra:
     for piece in _pieces(file, offset, length):
         digest.update(piece)
     return Extra(index, digest.digest(), lambda: _again(file, offset, length))
+
+
+def each_once(parts: Iterable[Iterable[Extra]]) -> Iterator[Extra]:
+    """The extras of all parts of a recording; what an earlier part holds does not come again."""
+    known = set[bytes]()
+    for part in parts:
+        found = [extra for extra in part if extra.digest not in known]
+        known.update(extra.digest for extra in found)
+        yield from found
 
 
 class _Fields:

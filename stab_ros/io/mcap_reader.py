@@ -13,7 +13,7 @@ from stab_ros.core.text import one_line
 from stab_ros.io.bag_types import Message, Topic
 from stab_ros.io.compression import UNPACKING_ERRORS, plain_message
 from stab_ros.io.mcap_contents import QOS_KEY, TYPE_HASH_KEY, Block, McapContents
-from stab_ros.io.mcap_extras import Extra
+from stab_ros.io.mcap_extras import Extra, each_once
 from stab_ros.io.mcap_file import McapFile
 from stab_ros.io.mcap_records import RecordedMessage
 
@@ -92,11 +92,7 @@ class McapReader:
 
     def extras(self) -> Iterator[Extra]:
         """Attachments and metadata of all files; what several files hold comes once."""
-        known = set[bytes]()
-        for file in self._files:
-            found = [extra for extra in file.extras() if extra.digest not in known]
-            known.update(extra.digest for extra in found)
-            yield from found
+        return each_once(file.extras() for file in self._files)
 
     def _take_topics(self, file: McapFile) -> dict[int, str]:
         names: dict[int, str] = {}

@@ -15,7 +15,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.text import one_line
 from stab_ros.io.bag_types import Message, Topic
 from stab_ros.io.compression import unpack_file
-from stab_ros.io.mcap_extras import Extra
+from stab_ros.io.mcap_extras import Extra, each_once
 from stab_ros.io.mcap_reader import McapReader
 from stab_ros.io.rosbag2_folder import COMPRESSED
 from stab_ros.io.rosbags_reader import RosbagsReader
@@ -71,11 +71,7 @@ class SplitReader:
 
     def extras(self) -> Iterator[Extra]:
         """Attachments and metadata of all parts; what several hold comes once."""
-        known = set[bytes]()
-        for reader in self._readers:
-            found = [extra for extra in reader.extras() if extra.digest not in known]
-            known.update(extra.digest for extra in found)
-            yield from found
+        return each_once(reader.extras() for reader in self._readers)
 
     def _opened(self, paths: list[Path], stack: ExitStack) -> list[McapReader | RosbagsReader]:
         readers: list[McapReader | RosbagsReader] = []

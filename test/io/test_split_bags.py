@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import subprocess
+import tracemalloc
 from pathlib import Path
 
 import pytest
 import yaml
 import zstandard
-from bag_makers import FLIGHT, JAZZY, TOPICS, read, without_publish_time
+from bag_makers import FLIGHT, JAZZY, STRING, TOPICS, by_mcap, read, without_publish_time
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
 from stab_ros.core.errors import InputError
+from stab_ros.io.bag import Message, open_bag
 
 PARTS = 3
 WANTED = without_publish_time(FLIGHT)
@@ -122,3 +124,35 @@ def test_what_is_no_file_is_not_opened(tmp_path: Path, name: str) -> None:
         other.unlink()
     with pytest.raises(InputError, match="is no file"):
         read(folder)
+
+
+# memory ---------------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("storage", StoragePlugin)
+def test_only_the_part_whose_time_has_come_is_in_memory(tmp_path: Path, storage: StoragePlugin) -> None:
+    size, count = 2**23, 6
+    (tmp_path / "bag").mkdir()
+    for number in range(count):
+        with Writer2(tmp_path / f"part_{number}", version=9, storage_plugin=storage) as writer:
+            connection = writer.add_connection("/notes", STRING, typestore=JAZZY)
+            writer.write(connection, number + 1, bytes(size))
+        made, = writer.path.glob("part_*")
+        made.rename(tmp_path / "bag" / made.name)
+    with open_bag(tmp_path / "bag") as reader:
+        tracemalloc.start()
+        assert sum(len(message.data) for message in reader.messages()) == count * size
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+    assert peak < 4 * size
+
+
+def test_memory_does_not_grow_with_the_number_of_messages(tmp_path: Path) -> None:
+    peaks = []
+    for count in (4_000, 16_000):
+        messages = [Message("/notes", number, number, bytes(100)) for number in range(count)]
+        path = by_mcap(tmp_path / f"{count}.mcap", messages, chunk_size=2**17)
+        tracemalloc.start()
+        with open_bag(path) as reader:
+            assert sum(1 for _ in reader.messages()) == count
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < 1.2 * peaks[0]
