@@ -21,16 +21,15 @@ def parts_of(folder: Path) -> tuple[list[Path], list[str]]:
         OSError: the folder cannot be read.
     """
     found = _found(folder)
-    names = _listed(folder)
-    if not names:
-        suffix, parts = _of_one_kind(found)
-        return parts, [f"{folder}: has no readable metadata.yaml, all its {suffix} files were taken"]
-    listed = [folder / name for name in names]
-    parts = [part for path in listed for part in [_present(path)] if part is not None]
-    said = [f"{one_line(path)}: is {'no file' if path.exists() else 'missing'}, its messages are lost"
-            for path in listed if _present(path) is None]
+    suffix, chosen = _of_one_kind(found)
+    listed = {name: _present(folder, name) for name in _listed(folder)}
+    if not listed:
+        return chosen, [f"{folder}: has no readable metadata.yaml, all its {suffix} files were taken"]
+    parts = [part for part in dict.fromkeys(listed.values()) if part is not None]
+    lost = [folder / name for name, part in listed.items() if part is None]
+    said = [f"{one_line(path)}: is {'no file' if path.exists() else 'missing'}, its messages are lost" for path in lost]
     if not parts:
-        return _of_one_kind(found)[1], said
+        return chosen, [*said, f"{folder}: holds nothing that metadata.yaml lists, all its {suffix} files were taken"]
     return parts, said + [f"{one_line(path)}: is not listed in metadata.yaml, it was left out"
                           for path in found if path not in parts]
 
@@ -48,12 +47,10 @@ def _of_one_kind(found: list[Path]) -> tuple[str, list[Path]]:
     return PART_SUFFIXES[0], []
 
 
-def _present(path: Path) -> Path | None:
+def _present(folder: Path, name: str) -> Path | None:
     """The file of this name, or what compressing or unpacking it by hand has made of it."""
-    for candidate in (path, path.with_name(path.name + COMPRESSED), path.with_name(path.name.removesuffix(COMPRESSED))):
-        if candidate.is_file():
-            return candidate
-    return None
+    candidates = (folder / candidate for candidate in (name, name + COMPRESSED, name.removesuffix(COMPRESSED)))
+    return next((path for path in candidates if path.is_file()), None)
 
 
 def _listed(folder: Path) -> list[str]:

@@ -79,7 +79,7 @@ class SplitReader:
         for path in paths:
             try:
                 plain = self._unpacked(path, room) if path.suffix == COMPRESSED else path
-                readers.append(McapReader([plain]) if plain.suffix == ".mcap" else RosbagsReader(plain))
+                readers.append(McapReader([plain]) if plain.suffix.lower() == ".mcap" else RosbagsReader(plain))
             except InputError as error:
                 if len(paths) == 1:
                     raise

@@ -93,7 +93,7 @@ def test_one_file_of_a_recording(tmp_path: Path, storage: StoragePlugin, mode: C
 
 
 def test_files_that_the_metadata_does_not_list_are_named(tmp_path: Path) -> None:
-    files = split(tmp_path / "bag", StoragePlugin.SQLITE3, None, (0, 2))
+    files = split(tmp_path / "bag", StoragePlugin.SQLITE3, None, (0, 2, 0))  # and one twice
     found = read(tmp_path / "bag")
     assert found.messages == WANTED[:EACH] + WANTED[2 * EACH :]
     assert found.warnings == [f"{files[1]}: is not listed in metadata.yaml, it was left out"]
@@ -119,6 +119,7 @@ def test_what_is_no_file_is_not_opened(tmp_path: Path, name: str) -> None:
     subprocess.run(["mkfifo", folder / "pipe"], check=True)
     metadata = folder / "metadata.yaml"
     metadata.write_text(metadata.read_text().replace(first.name, name))
+    (tmp_path / "bag.zstd").write_bytes(others[0].read_bytes())  # next to the folder
     assert "is no file, its messages are lost" in read(folder).warnings[0]
     for other in (first, *others):
         other.unlink()
