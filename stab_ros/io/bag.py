@@ -7,15 +7,16 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 from stab_ros.core.errors import InputError
-from stab_ros.core.text import one_line
-from stab_ros.io.bag_metadata import bag_metadata
 from stab_ros.io.bag_types import BagReader, Message, Topic, definition_of, topic_of
 from stab_ros.io.bag_writer import BagWriter
 from stab_ros.io.image_names import image_files
+from stab_ros.io.mcap_extras import Extra
 from stab_ros.io.mcap_reader import McapReader
+from stab_ros.io.rosbag2_folder import COMPRESSED, parts_of
 from stab_ros.io.rosbags_reader import RosbagsReader
+from stab_ros.io.split_reader import SplitReader
 
-__all__ = ["BagReader", "BagWriter", "Message", "Topic", "definition_of", "open_bag", "topic_of"]
+__all__ = ["BagReader", "BagWriter", "Extra", "Message", "Topic", "definition_of", "open_bag", "topic_of"]
 
 KINDS = "an .mcap, a rosbag2 folder or a ROS 1 .bag"
 
@@ -35,7 +36,7 @@ def open_bag(path: Path) -> Iterator[BagReader]:
         yield reader
 
 
-def _reader_of(path: Path) -> McapReader | RosbagsReader:
+def _reader_of(path: Path) -> McapReader | RosbagsReader | SplitReader:
     if not path.exists():
         raise InputError(f"{path}: no such file or folder, the recording must be {KINDS}")
     if path.is_dir():
@@ -47,23 +48,20 @@ def _reader_of(path: Path) -> McapReader | RosbagsReader:
         if path.stat().st_size == 0:
             raise InputError(f"{path}: is empty, the recording must be {KINDS}")
         return RosbagsReader(path)
+    if name.endswith((f".mcap{COMPRESSED}", f".db3{COMPRESSED}")):
+        return SplitReader([path])
     raise InputError(f"{path}: is no recording by its name, it must be {KINDS}")
 
 
-def _folder_reader(folder: Path) -> McapReader | RosbagsReader:
-    """Uncompressed MCAP files are read by `McapReader`, as they may be damaged; other rosbag2 folders by rosbags."""
-    found = sorted(folder.glob("*.mcap"))
-    metadata, beside = bag_metadata(folder), _images_beside(folder)
-    if metadata.get("compression_mode", "").lower() not in ("", "none") or (metadata and not found):
-        return RosbagsReader(folder, beside)
-    if not found:
-        raise InputError(f"{folder}: holds no readable metadata.yaml and no .mcap file, the recording must be {KINDS}")
-    if not metadata:
-        return McapReader(found, [f"{folder}: has no readable metadata.yaml, all its .mcap files were taken",
-                                  *beside])
-    listed = [folder / Path(name).name for name in metadata["relative_file_paths"]]
-    missing = [f"{one_line(path)}: is missing, its messages are lost" for path in listed if path not in found]
-    return McapReader([path for path in listed if path in found] or found, [*missing, *beside])
+def _folder_reader(folder: Path) -> McapReader | SplitReader:
+    """MCAP files are read as one, block by block."""
+    parts, said = parts_of(folder)
+    if not parts:
+        why = "; ".join(said) or "it is empty"
+        raise InputError(f"{folder}: holds no recording ({why}), the recording must be {KINDS}")
+    whole = all(path.name.lower().endswith(".mcap") for path in parts)
+    said += _images_beside(folder)
+    return McapReader(parts, said) if whole else SplitReader(parts, said)
 
 
 def _images_beside(folder: Path) -> list[str]:

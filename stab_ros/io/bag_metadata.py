@@ -21,13 +21,12 @@ def is_rosbag2(folder: Path) -> bool:
         return False
 
 
-def bag_metadata(folder: Path) -> dict[str, Any]:
-    """The content of metadata.yaml; empty if it is missing or damaged (a killed recorder leaves none)."""
+def listed_files(folder: Path) -> list[str]:
+    """The names of files in metadata.yaml; none if it is missing or damaged (a killed recorder leaves none)."""
     try:
         with (folder / METADATA).open(encoding="utf-8") as file:
             text = file.read(_LIMIT + 1)
-        found = {} if len(text) > _LIMIT else yaml.safe_load(text)[_ROOT]
-        valid = all(isinstance(name, str) for name in found["relative_file_paths"])
-        return dict(found) if valid and isinstance(found.get("compression_mode", ""), str) else {}
+        found: Any = [] if len(text) > _LIMIT else yaml.safe_load(text)[_ROOT]["relative_file_paths"]
+        return [Path(name).name for name in found]
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError, yaml.YAMLError):
-        return {}
+        return []

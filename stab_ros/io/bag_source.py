@@ -10,7 +10,7 @@ from pathlib import Path
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.types import Frame
 from stab_ros.imaging.camera import Camera
-from stab_ros.io.bag import BagReader, Message, Topic
+from stab_ros.io.bag import BagReader, Extra, Message, Topic
 from stab_ros.io.camera_message import read_camera
 from stab_ros.io.cdr import CAMERA_INFO, COMPRESSED_IMAGE, read_stamp
 from stab_ros.io.frame_reader import DEFAULT_FPS, MAX_FPS, Decoded
@@ -52,6 +52,9 @@ class BagSource:
         pictures = map(self._picture, self._reader.messages([self.image_topic]))
         return only_pictures(readable(self.name, self.image_topic, limited(pictures, limit)))
 
+    def extras(self) -> Iterator[Extra]:
+        return self._reader.extras()
+
     def rate_hz(self) -> float:
         messages = itertools.islice(self._reader.messages([self.image_topic]), _RATE_FRAMES)
         return _rate_hz([_stamp_of(message) for message in messages])
@@ -92,11 +95,14 @@ class BagSource:
 
 
 def namespace_of(topic: Topic) -> str:
-    """The camera's namespace: `/ns` for `/ns/image_raw`, `/ns/image_raw/compressed` and any `/ns/name`."""
-    base = topic.name
+    """The camera's namespace: `/ns` for `/ns/image_raw`, `/ns/image_raw/compressed` and any other `/ns/name`.
+
+    ROS knows no slash at the end of a name, nor two in a row, but recordings have them.
+    """
+    base = topic.name.rstrip("/")
     if topic.msgtype == COMPRESSED_IMAGE:
         base = base.removesuffix("/compressed").removesuffix("/compressedDepth")
-    return base.rpartition("/")[0]
+    return base.rpartition("/")[0].rstrip("/")
 
 
 def _choose_topic(name: str, topics: Mapping[str, Topic], wanted: str | None) -> str:

@@ -8,6 +8,7 @@ from typing import NamedTuple, Protocol
 
 from stab_ros.core.errors import InputError
 from stab_ros.io.cdr import typestore
+from stab_ros.io.mcap_extras import Extra
 
 
 @dataclass(frozen=True)
@@ -16,7 +17,7 @@ class Topic:
 
     definition: ros2msg text with its dependencies, "" if unknown (bytes that are not UTF-8 as surrogate escapes).
     qos: offered_qos_profiles as YAML, "" if unknown. encoding: of the messages; schema_encoding: of the definition.
-    type_hash: RIHS01 of the type, "" if unknown.
+    type_hash: RIHS01 of the type, "" if unknown. notes: what else an MCAP file says of it, names and values.
     """
 
     name: str
@@ -27,6 +28,7 @@ class Topic:
     encoding: str = "cdr"
     schema_encoding: str = "ros2msg"
     type_hash: str = ""
+    notes: tuple[tuple[str, str], ...] = ()
 
 
 class Message(NamedTuple):
@@ -59,6 +61,9 @@ class BagReader(Protocol):
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
         """The messages of `topics` (None: of all) in the order of their log time."""
+
+    def extras(self) -> Iterator[Extra]:
+        """Attachments and metadata of an MCAP recording; none in other formats."""
 
 
 def definition_of(msgtype: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import cast
 
+import numpy as np
 from rosbags.typesys.stores import ros2_jazzy as ros
 
 from stab_ros.core.errors import InputError, MessageError
@@ -26,6 +27,16 @@ def read_camera(cdr: bytes | memoryview) -> Camera:
         return Camera(message.k.reshape(3, 3).copy(), message.d.copy(), message.distortion_model, size)
     except InputError as error:
         raise MessageError(str(error)) from error
+
+
+def is_of(camera: Camera, cdr: bytes) -> bool:
+    """Whether a CameraInfo describes this camera; one that cannot be read describes none."""
+    try:
+        other = read_camera(cdr)
+    except MessageError:
+        return False
+    return (other.model, other.size) == (camera.model, camera.size) and np.array_equal(
+        other.K, camera.K) and np.array_equal(other.D, camera.D)
 
 
 def read_size(cdr: bytes | memoryview) -> tuple[int, int] | None:

@@ -17,6 +17,7 @@ from rosbags.typesys.stores import ros2_jazzy as ros
 
 from stab_ros.core.errors import MessageError
 from stab_ros.core.types import Frame
+from stab_ros.io.xcdr2 import as_cdr, is_little_endian
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -71,9 +72,9 @@ def read_stamp(cdr: bytes | memoryview) -> int:
     Raises:
         MessageError: too short for a header, or not a stamp.
     """
-    if len(cdr) < _STAMP_END or cdr[0] != 0 or cdr[1] > 1:
+    if len(cdr) < _STAMP_END:
         raise MessageError(f"a message of {len(cdr)} bytes does not begin with a header in CDR")
-    sec, nanosec = struct.unpack_from("<iI" if cdr[1] else ">iI", cdr, _ENCAPSULATION_BYTES)
+    sec, nanosec = struct.unpack_from("<iI" if is_little_endian(cdr) else ">iI", cdr, _ENCAPSULATION_BYTES)
     return to_ns(ros.builtin_interfaces__msg__Time(sec=sec, nanosec=nanosec))
 
 
@@ -99,8 +100,9 @@ def deserialize(cdr: bytes | memoryview, msgtype: str) -> object:
     Raises:
         MessageError: the bytes are no such message.
     """
-    view = memoryview(cdr if isinstance(cdr, bytes) else bytes(cdr))  # a view, as rosbags slices the header off
     try:
-        return typestore().deserialize_cdr(view, msgtype)
-    except (SerdeError, KeyError) as error:
+        plain = as_cdr(cdr, msgtype, typestore().fielddefs)
+        data = plain if isinstance(plain, bytes) else bytes(plain)
+        return typestore().deserialize_cdr(memoryview(data), msgtype)  # a view, as rosbags slices the header off
+    except (SerdeError, MessageError, KeyError) as error:
         raise MessageError(f"not a {msgtype}: {error}") from error

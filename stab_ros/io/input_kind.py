@@ -6,11 +6,12 @@ from enum import Enum
 from pathlib import Path
 
 from stab_ros.core.errors import InputError
-from stab_ros.io.bag_metadata import METADATA, is_rosbag2
+from stab_ros.io.bag_metadata import is_rosbag2
 from stab_ros.io.image_names import IMAGE_SUFFIXES, image_files, unread_kinds
+from stab_ros.io.rosbag2_folder import PART_SUFFIXES
 from stab_ros.io.video import VIDEO_SUFFIXES
 
-_BAG_SUFFIXES = (".mcap", ".mcap.partial", ".bag", ".db3")
+_BAG_SUFFIXES = (*PART_SUFFIXES, ".mcap.partial", ".bag")
 _KINDS = "an .mcap, a rosbag2 folder, a ROS 1 .bag, a video file or a folder of images"
 
 
@@ -53,13 +54,12 @@ def _kind_of_folder(path: Path) -> Kind:
             return Kind.BAG
         if image_files(path):
             return Kind.FOLDER
-        if (path / METADATA).exists() or any(path.glob("*.mcap")):  # a killed recorder leaves no whole metadata.yaml
+        if any(found.name.lower().endswith(PART_SUFFIXES) for found in path.iterdir()):  # its recorder was killed
             return Kind.BAG
         beside = _beside(path)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; the input must be {_KINDS}") from error
-    raise InputError(
-        f"{path}: holds neither a bag ({METADATA}, .mcap) nor images ({', '.join(IMAGE_SUFFIXES)}){beside}")
+    raise InputError(f"{path}: holds neither a bag (.mcap, .db3) nor images ({', '.join(IMAGE_SUFFIXES)}){beside}")
 
 
 def _beside(path: Path) -> str:

@@ -1,4 +1,4 @@
-"""What an MCAP file holds: its channels, schemas and blocks of messages, however they were found."""
+"""What an MCAP file holds: its channels, schemas, blocks of messages and extras, however they were found."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
 from stab_ros.io.mcap_records import RECORD_HEAD, DamagedError, Record, read_exactly, unpacked
+
+QOS_KEY, TYPE_HASH_KEY = "offered_qos_profiles", "topic_type_hash"  # of a channel's metadata, by rosbag2
 
 
 class Block(NamedTuple):
@@ -24,6 +26,7 @@ class Block(NamedTuple):
 class McapContents:
     """channels, schemas: by id. counts: messages by channel id. blocks: in the order of the file.
 
+    extras: offsets and lengths of attachments and metadata, in the order of the file.
     span_ns: log times of the first and the last message, None without messages.
     """
 
@@ -32,6 +35,7 @@ class McapContents:
         self.schemas: dict[int, Schema] = {}
         self.counts: Counter[int] = Counter()
         self.blocks: list[Block] = []
+        self.extras: list[tuple[int, int]] = []
         self.span_ns: tuple[int, int] | None = None
 
     def add_definition(self, record: Record | None) -> None:

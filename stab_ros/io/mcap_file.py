@@ -9,6 +9,7 @@ from mcap.opcode import Opcode
 
 from stab_ros.core.errors import InputError
 from stab_ros.io.mcap_contents import Block, McapContents, block_records
+from stab_ros.io.mcap_extras import Extra, read_extra
 from stab_ros.io.mcap_index import read_index
 from stab_ros.io.mcap_records import (
     MAGIC,
@@ -72,9 +73,17 @@ class McapFile:
         try:
             indexed = read_index(self._file, self._size)
         except DamagedError as damage:
-            self._warned[f"{self.path}: the index {damage}, the whole file was scanned instead"] = None
+            self._warn(f"the index {damage}, the whole file was scanned instead")
             indexed = None
         return indexed or scan(self._file, self._size, self._lost)
+
+    def extras(self) -> Iterator[Extra]:
+        """The attachments and metadata; damaged ones are left out, with a warning."""
+        for offset, length in self.contents.extras:
+            try:
+                yield read_extra(self._file, offset, length)
+            except DamagedError as damage:
+                self._warn(f"the attachment or metadata at byte {offset} {damage}, it is left out")
 
     def messages_of(self, block: Block) -> Iterator[RecordedMessage]:
         """The messages of a block by log time; of a damaged one none, with a warning."""
@@ -89,8 +98,8 @@ class McapFile:
             return
         early = offsets.before(block.start_ns)
         if early:  # only an index without a CRC can be so wrong
-            self._warned[f"{self.path}: the part at byte {block.offset} holds {early} messages from before the time "
-                         "that the index gives, they are left out"] = None
+            self._warn(f"the part at byte {block.offset} holds {early} messages from before the time that the index "
+                       "gives, they are left out")
         starts = offsets.by_time()[early:]
         if block.length > _LARGE and len(data) + PLAIN_START >= block.length:  # it is not compressed
             base = block.offset + (0 if len(data) == block.length else PLAIN_START)
@@ -108,4 +117,7 @@ class McapFile:
             self._lost(block.offset, str(damage))
 
     def _lost(self, offset: int, why: str) -> None:
-        self._warned[f"{self.path}: the part at byte {offset} {why}, its messages are lost"] = None
+        self._warn(f"the part at byte {offset} {why}, its messages are lost")
+
+    def _warn(self, what: str) -> None:
+        self._warned[f"{self.path}: {what}"] = None

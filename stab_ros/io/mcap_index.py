@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from typing import IO
 
 from mcap.opcode import Opcode
-from mcap.records import ChunkIndex, Footer, Statistics
+from mcap.records import AttachmentIndex, ChunkIndex, Footer, MetadataIndex, Statistics
 
 from stab_ros.io.mcap_contents import Block, McapContents
 from stab_ros.io.mcap_records import MAGIC, RECORD_HEAD, DamagedError, Record, parse, read_exactly, split
@@ -58,13 +58,17 @@ def _contents(records: Iterable[Record], messages_end: int) -> McapContents | No
             statistics = record
         elif isinstance(record, ChunkIndex):
             contents.blocks.append(_block_of(record))
+        elif isinstance(record, AttachmentIndex | MetadataIndex):
+            contents.extras.append((record.offset, record.length))
     if statistics is None or not _is_complete(contents, statistics):
         return None
     contents.counts.update(statistics.channel_message_counts)
     if statistics.message_count:
         contents.span_ns = statistics.message_start_time, statistics.message_end_time
     contents.blocks.sort(key=lambda block: block.offset)
-    _check_disjoint(contents.blocks, messages_end)
+    contents.extras.sort()
+    _check_disjoint([(block.offset, block.length) for block in contents.blocks], messages_end)
+    _check_disjoint(contents.extras, messages_end)
     return contents
 
 
@@ -74,18 +78,19 @@ def _is_complete(contents: McapContents, statistics: Statistics) -> bool:
     counted = statistics.channel_message_counts.keys() <= contents.channels.keys()
     indexed = len(contents.blocks) == statistics.chunk_count and (
         bool(contents.blocks) or statistics.message_count == 0)
-    return defined and counted and indexed
+    listed = len(contents.extras) == statistics.attachment_count + statistics.metadata_count
+    return defined and counted and indexed and listed
 
 
-def _check_disjoint(blocks: Iterable[Block], messages_end: int) -> None:
-    """A chunk that is listed again and again would be read again and again."""
+def _check_disjoint(parts: Iterable[tuple[int, int]], messages_end: int) -> None:
+    """A part, by offset and length, that is listed again and again would be read again and again."""
     at = len(MAGIC)
-    for block in blocks:
-        if block.offset < at:
-            raise DamagedError(f"lists chunks that overlap at byte {block.offset}")
-        at = block.offset + block.length
+    for offset, length in parts:
+        if offset < at:
+            raise DamagedError(f"lists parts that overlap at byte {offset}")
+        at = offset + length
     if at > messages_end:
-        raise DamagedError(f"lists a chunk that ends beyond it, at byte {at}")
+        raise DamagedError(f"lists a part that ends beyond it, at byte {at}")
 
 
 def _block_of(index: ChunkIndex) -> Block:

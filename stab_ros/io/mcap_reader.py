@@ -11,7 +11,9 @@ from typing import NamedTuple
 from stab_ros.core.errors import InputError
 from stab_ros.core.text import one_line
 from stab_ros.io.bag_types import Message, Topic
-from stab_ros.io.mcap_contents import Block, McapContents
+from stab_ros.io.compression import UNPACKING_ERRORS, plain_message
+from stab_ros.io.mcap_contents import QOS_KEY, TYPE_HASH_KEY, Block, McapContents
+from stab_ros.io.mcap_extras import Extra, each_once
 from stab_ros.io.mcap_file import McapFile
 from stab_ros.io.mcap_records import RecordedMessage
 
@@ -77,8 +79,20 @@ class McapReader:
         ]
         for due in heapq.merge(*streams):
             if due.message is not None:
-                _, publish_time_ns, channel_id, data = due.message
-                yield Message(self._names[due.file_number][channel_id], due.time_ns, publish_time_ns, data)
+                yield from self._plain(self._names[due.file_number][due.message.channel_id], due.message)
+
+    def _plain(self, topic: str, message: RecordedMessage) -> Iterator[Message]:
+        try:
+            data = plain_message(message.data) if self.topics[topic].encoding == "cdr" else message.data
+        except UNPACKING_ERRORS as error:
+            what = one_line(f"a message of {topic} at {message.log_time_ns} ns is damaged ({error})")
+            self._extra_warnings.append(f"{self._files[0].path}: {what}, it is left out")
+            return
+        yield Message(topic, message.log_time_ns, message.publish_time_ns, data)
+
+    def extras(self) -> Iterator[Extra]:
+        """Attachments and metadata of all files; what several files hold comes once."""
+        return each_once(file.extras() for file in self._files)
 
     def _take_topics(self, file: McapFile) -> dict[int, str]:
         names: dict[int, str] = {}
@@ -106,10 +120,11 @@ def _topic_of(contents: McapContents, channel_id: int) -> Topic:
         msgtype="" if schema is None else schema.name,
         count=contents.counts[channel_id],
         definition="" if schema is None else schema.data.decode(errors="surrogateescape"),
-        qos=channel.metadata.get("offered_qos_profiles", ""),
+        qos=channel.metadata.get(QOS_KEY, ""),
         encoding=channel.message_encoding,
         schema_encoding="" if schema is None else schema.encoding,
-        type_hash=channel.metadata.get("topic_type_hash", ""),
+        type_hash=channel.metadata.get(TYPE_HASH_KEY, ""),
+        notes=tuple((key, value) for key, value in channel.metadata.items() if key not in (QOS_KEY, TYPE_HASH_KEY)),
     )
 
 

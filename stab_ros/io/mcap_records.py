@@ -15,10 +15,10 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Footer, Schema, Statistics
+from mcap.records import AttachmentIndex, Channel, ChunkIndex, Footer, MetadataIndex, Schema, Statistics
 from numpy.typing import NDArray
 
-Record = Schema | Channel | ChunkIndex | Statistics | Footer
+Record = Schema | Channel | ChunkIndex | AttachmentIndex | MetadataIndex | Statistics | Footer
 MAGIC = b"\x89MCAP0\r\n"
 RECORD_HEAD = struct.Struct("<BQ")  # opcode, length
 NO_OPCODE = 0
@@ -33,6 +33,8 @@ _CLASSES: dict[int, type[Record]] = {
     Opcode.SCHEMA: Schema,
     Opcode.CHANNEL: Channel,
     Opcode.CHUNK_INDEX: ChunkIndex,
+    Opcode.ATTACHMENT_INDEX: AttachmentIndex,
+    Opcode.METADATA_INDEX: MetadataIndex,
     Opcode.STATISTICS: Statistics,
     Opcode.FOOTER: Footer,
 }

@@ -50,6 +50,8 @@ class _Scan:
                 self._add_block(at, end)
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._add_definition(at, end)
+            elif opcode in (Opcode.ATTACHMENT, Opcode.METADATA):
+                self._contents.extras.append((at, end - at))
             elif opcode in (Opcode.DATA_END, Opcode.FOOTER):
                 break
             at = end

@@ -1,10 +1,9 @@
-"""Recordings in sqlite3 or ROS 1 format, and compressed rosbag2 folders, through rosbags."""
+"""Recordings in sqlite3 or ROS 1 format, through rosbags."""
 
 from __future__ import annotations
 
 import struct
-import sys
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -24,35 +23,31 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.text import one_line
 from stab_ros.io.bag_types import Message, Topic, topic_of
 from stab_ros.io.cdr import typestore
-from stab_ros.io.rosbags_bounds import BoundedReader1, BoundedReader2, unpacked_message
-
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd
+from stab_ros.io.compression import UNPACKING_ERRORS, plain_message
+from stab_ros.io.mcap_extras import Extra
+from stab_ros.io.rosbags_bounds import BoundedReader1, BoundedReader2
 
 Conversion: TypeAlias = Callable[[bytes], bytes | memoryview]
 
 # what rosbags lets through on damaged files besides its own errors
 _DAMAGE = (
-    Reader1Error, Reader2Error, SerdeError, TypesysError, YAMLError, apsw.Error, zstd.ZstdError, OSError, EOFError,
-    struct.error, ValueError, LookupError, TypeError, AttributeError, AssertionError, RuntimeError, MemoryError,
-    OverflowError,
+    Reader1Error, Reader2Error, SerdeError, TypesysError, YAMLError, apsw.Error, *UNPACKING_ERRORS, OSError,
+    struct.error, LookupError, TypeError, AttributeError, AssertionError, RuntimeError, OverflowError,
 )
 _HEADER = "std_msgs/msg/Header"
 _SCHEMA_ENCODINGS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL: "ros2idl"}
 
 
 class RosbagsReader:
-    """A BagReader for a ROS 1 .bag, a .db3 or a rosbag2 folder. remarks: warnings to begin with.
+    """A BagReader for a ROS 1 .bag or a .db3.
 
     Raises:
         InputError: it cannot be opened.
     """
 
-    def __init__(self, path: Path, remarks: Sequence[str] = ()) -> None:
+    def __init__(self, path: Path) -> None:
         self.path = path
-        self.warnings: list[str] = [*remarks]
+        self.warnings: list[str] = []
         self.topics: dict[str, Topic] = {}
         self._conversions: dict[int, tuple[str, Conversion]] = {}  # by connection id: topic and conversion to CDR
         try:
@@ -60,8 +55,6 @@ class RosbagsReader:
             self._reader.open()
         except _DAMAGE as error:
             raise InputError(f"{path}: cannot be read ({_reason(error)}), it must be a whole recording") from error
-        packed = isinstance(self._reader, BoundedReader2) and self._reader.packed
-        self._unpack: Callable[[bytes], bytes] = unpacked_message if packed else bytes
         filled = self._reader.message_count > 0
         self.start_ns = self._reader.start_time if filled else 0
         self.end_ns = self._reader.end_time - 1 if filled else 0  # rosbags gives the time after the last message
@@ -86,13 +79,17 @@ class RosbagsReader:
         except _DAMAGE as error:
             self._warn(f"is damaged after {time_ns} ns ({_reason(error)}), what follows is lost")
 
+    def extras(self) -> Iterator[Extra]:
+        """None: these formats have no such thing."""
+        return iter(())
+
     def _converted(self, connection_id: int, time_ns: int, data: bytes) -> Iterator[Message]:
         topic, to_cdr = self._conversions[connection_id]
         if type(time_ns) is not int or not isinstance(data, (bytes, memoryview)):  # SQLite holds any type anywhere
             self._warn(f"a message of {topic} has no time or no bytes, it is left out")
             return
         try:
-            yield Message(topic, time_ns, time_ns, bytes(to_cdr(self._unpack(data))))
+            yield Message(topic, time_ns, time_ns, bytes(to_cdr(plain_message(bytes(data)))))
         except _DAMAGE as error:
             self._warn(f"a message of {topic} at {time_ns} ns is damaged ({_reason(error)}), it is left out")
 

@@ -10,7 +10,7 @@ from typing import Protocol
 
 from stab_ros.core.errors import InputError
 from stab_ros.imaging.camera import Camera
-from stab_ros.io.bag import Message, Topic, open_bag
+from stab_ros.io.bag import Extra, Message, Topic, open_bag
 from stab_ros.io.bag_source import REFERENCE_IMAGE, SINGLE_IMAGES, STATIC_MAP, BagSource, namespace_of
 from stab_ros.io.image_folder import ImageFolder
 from stab_ros.io.image_message import IMAGE_TYPES
@@ -71,6 +71,13 @@ class Source(Protocol):
 
         Raises:
             InputError: as `items`.
+        """
+
+    def extras(self) -> Iterator[Extra]:
+        """Reads the attachments and metadata of an MCAP recording.
+
+        Returns:
+            An iterator over them; other recordings have none.
         """
 
     def rate_hz(self) -> float:

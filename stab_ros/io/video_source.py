@@ -7,7 +7,7 @@ from pathlib import Path
 
 from stab_ros.core.errors import InputError
 from stab_ros.imaging.camera import Camera
-from stab_ros.io.bag import Message, topic_of
+from stab_ros.io.bag import Extra, Message, topic_of
 from stab_ros.io.cdr import IMAGE
 from stab_ros.io.frame_reader import FrameReader
 from stab_ros.io.picture import Picture, limited, only_pictures, readable
@@ -37,6 +37,9 @@ class VideoSource:
 
     def frames(self, limit: int | None = None) -> Iterator[Picture]:
         return only_pictures(self.items(limit))
+
+    def extras(self) -> Iterator[Extra]:
+        return iter(())
 
     def rate_hz(self) -> float:
         return self._reader.fps

@@ -53,13 +53,14 @@ def _copy_bag(job: Conversion, progress: Progress) -> Converted:
         raise InputError(f"{job.source}: is a bag, --fps and --limit are for videos and folders of images")
     with open_bag(job.source) as reader:
         topics = [topic for topic in reader.topics.values() if job.topic in (None, topic.name)]
-        if not topics:
+        if not topics and job.topic is not None:
             raise InputError(f"{job.source}: has no topic {job.topic}; it has {', '.join(sorted(reader.topics))}")
         total = sum(topic.count for topic in topics)
         done = 0
         with BagWriter(job.output, overwrite=job.force) as writer:
             for topic in topics:
                 writer.add_topic(topic)
+            writer.add_extras(reader.extras())
             for done, message in enumerate(reader.messages([topic.name for topic in topics]), 1):
                 writer.write(message.topic, message.log_time_ns, message.publish_time_ns, message.data)
                 progress(done, total)

@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from stab_ros.core.errors import MessageError
+from stab_ros.core.text import one_line
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import BagReader, Topic, open_bag
 from stab_ros.io.image_message import read_image
@@ -27,7 +28,7 @@ def describe(path: Path) -> tuple[list[str], list[str]]:
     if kind is Kind.FOLDER:
         return _describe_pictures(path)
     with open_bag(path) as reader:
-        return [f"{path}: {_span(reader)}", *_table(reader), *_images(reader)], reader.warnings
+        return [f"{path}: {_span(reader)}", *_table(reader), *_images(reader), *_extras(reader)], reader.warnings
 
 
 def _describe_pictures(path: Path) -> tuple[list[str], list[str]]:
@@ -73,14 +74,16 @@ def _utc(time_ns: int) -> str:
 
 def _table(reader: BagReader) -> list[str]:
     topics = sorted(reader.topics.values(), key=lambda topic: topic.name)
-    width = max((len(topic.name) for topic in topics), default=0)
-    type_width = max((len(topic.msgtype) for topic in topics), default=0)
-    return [f"  {topic.name:{width}}  {topic.msgtype:{type_width}}  {topic.count:6}" for topic in topics]
+    names = [(one_line(topic.name), one_line(topic.msgtype)) for topic in topics]
+    width = max((len(name) for name, _ in names), default=0)
+    type_width = max((len(msgtype) for _, msgtype in names), default=0)
+    return [f"  {name:{width}}  {msgtype:{type_width}}  {topic.count:6}"
+            for (name, msgtype), topic in zip(names, topics, strict=True)]
 
 
 def _images(reader: BagReader) -> list[str]:
-    topics = [topic for topic in reader.topics.values() if topic.msgtype in IMAGE_TYPES]
-    return [f"  {topic.name}: {_first_image(reader, topic)}" for topic in sorted(topics, key=lambda topic: topic.name)]
+    topics = [topic for _, topic in sorted(reader.topics.items()) if topic.msgtype in IMAGE_TYPES]
+    return [f"  {one_line(topic.name)}: {_first_image(reader, topic)}" for topic in topics]
 
 
 def _first_image(reader: BagReader, topic: Topic) -> str:
@@ -90,6 +93,10 @@ def _first_image(reader: BagReader, topic: Topic) -> str:
         except MessageError as error:
             return _picture(error)
     return "no images"
+
+
+def _extras(reader: BagReader) -> list[str]:
+    return [f"  {one_line(extra)}" for extra in reader.extras()]
 
 
 def _picture(decoded: Frame | MessageError) -> str:

@@ -21,7 +21,7 @@ class Recovered:
 
 
 def recover(broken: Path, fixed: Path, overwrite: bool = False) -> Recovered:
-    """Copies all readable messages of the MCAP file `broken`, byte for byte and by log time, into the new `fixed`.
+    """Copies all that is readable in the MCAP file `broken`, byte for byte, messages by log time, into the new `fixed`.
 
     Raises:
         InputError: `broken` is no MCAP file or holds no readable message, `fixed` exists or cannot be written.
@@ -32,11 +32,13 @@ def recover(broken: Path, fixed: Path, overwrite: bool = False) -> Recovered:
     with closing(McapReader([broken])) as reader, BagWriter(fixed, overwrite) as writer:
         for topic in reader.topics.values():
             writer.add_topic(topic)
+        extras = list(reader.extras())
+        writer.add_extras(extras)
         count = 0
         for message in reader.messages():
             writer.write(*message)
             count += 1
-        if count == 0:
+        if count == 0 and not extras:
             why = "; ".join(line.removeprefix(f"{broken}: ") for line in reader.warnings) or "it is whole but empty"
             raise InputError(f"{broken}: nothing to recover, it must hold at least one readable message ({why})")
         return Recovered(count, len(reader.topics), tuple(reader.warnings))

@@ -80,8 +80,9 @@ def stabilize(job: Job, progress: Progress, compiling: Compiler = compile_kernel
         with _open_outputs(job, source, camera, stabilizer.window) as outputs:
             counts = run(source.items(job.limit), stabilizer, outputs, lambda done: progress(done, total),
                          partial(read_again, job.source, job.image_topic, job.fps, job.limit))
-        warnings = (*_replaced(source, outputs.bag.replaced), *source.warnings, *_unused(source, counts),
-                    *_remarks(source, stabilizer, counts), *_lost(source, counts, stabilizer.reference))
+        warnings = (*_replaced(source, outputs.bag.replaced), *_camera_changes(source, outputs.bag),
+                    *source.warnings, *_unused(source, counts), *_remarks(source, stabilizer, counts),
+                    *_lost(source, counts, stabilizer.reference))
     notes = tuple(f"{source.name}: {note}" for note in (*counts.notes, advice.simpler_model(counts.simpler)) if note)
     return Stabilization(counts.frames, counts.lost, time.monotonic() - started_s, warnings, notes)
 
@@ -117,6 +118,13 @@ def _open_outputs(job: Job, source: Source, camera: Camera | None, window: Windo
 
 def _replaced(source: Source, topics: list[str]) -> list[str]:
     return [f"{source.name}: its own {', '.join(topics)} gave way to the new ones of the same name"] if topics else []
+
+
+def _camera_changes(source: Source, bag: StabilizedBag) -> list[str]:
+    if bag.camera_change_ns is None:
+        return []
+    return [f"{source.name}: {bag.camera_topic} tells of another camera from {bag.camera_change_ns} ns on, "
+            "the camera of its first message was used for all images"]
 
 
 def _unused(source: Source, counts: Counts) -> list[str]:

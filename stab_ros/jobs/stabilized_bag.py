@@ -9,10 +9,12 @@ from stab_ros.core.types import Frame, Track
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.window import Window
 from stab_ros.io.bag import BagWriter, Message, Topic, topic_of
+from stab_ros.io.camera_message import is_of
 from stab_ros.io.cdr import CAMERA_INFO, DIAGNOSTIC_ARRAY, IMAGE, header_of
 from stab_ros.io.homography_message import homography_cdr
 from stab_ros.io.image_message import image_cdr, static_map_cdr
 from stab_ros.io.source import STATIC_MAP, Picture, Source, namespace_of
+from stab_ros.io.topics import CAMERA_INFO_TOPIC, topic_in
 from stab_ros.io.track_message import track_cdr
 from stab_ros.tracking.static_map import StaticMap
 
@@ -40,10 +42,10 @@ def names_for(image_topic: Topic, with_image: bool) -> Names:
 
 
 class StabilizedBag:
-    """Writes homography, track and stabilised image of every frame, and copies the other messages byte for byte.
+    """Writes homography, track and stabilised image of every frame, and copies all else of the input byte for byte.
 
     It writes the static map whenever it changes. An input topic with the name of an output topic is left out
-    (`replaced`).
+    (`replaced`). camera_change_ns: log time of the first camera_info of another camera than the one in use.
 
     Raises:
         WorkError: the bag cannot be written (any method).
@@ -55,9 +57,11 @@ class StabilizedBag:
         self.with_image = with_image
         self._writer = writer
         self._camera = camera
+        self.camera_change_ns: int | None = None
         self._window = window
         self._raw_topic = source.topics[source.image_topic]
         self._names = names_for(self._raw_topic, with_image)
+        self.camera_topic = topic_in(namespace_of(self._raw_topic), CAMERA_INFO_TOPIC)
         self._taken_over = {name for name in source.topics if name not in self._names.types}
         if not keep_raw:
             self._taken_over.discard(source.image_topic)
@@ -66,10 +70,13 @@ class StabilizedBag:
             writer.add_topic(topic_of(name, msgtype))
         for name in sorted(self._taken_over):
             writer.add_topic(source.topics[name])
+        writer.add_extras(source.extras())
 
     def take_over(self, message: Message) -> None:
         if message.topic in self._taken_over:
             self._writer.write(message.topic, message.log_time_ns, message.publish_time_ns, message.data)
+        if self._camera is not None and message.topic == self.camera_topic and self.camera_change_ns is None:
+            self.camera_change_ns = None if is_of(self._camera, message.data) else message.log_time_ns
 
     def write(self, picture: Picture, track: Track, image: bytes | None, reference_size: tuple[int, int] | None,
               static_map: StaticMap | None) -> None:

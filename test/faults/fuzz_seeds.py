@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "helpers"))
 import cv2
 import numpy as np
 import tifffile
-from bag_makers import FLIGHT, JAZZY, NOETIC, START_NS, STRING, by_mcap, ros1_messages
+from bag_makers import EXTRAS, FLIGHT, JAZZY, NOETIC, START_NS, STRING, by_mcap, ros1_messages, with_extras
 from mcap.writer import CompressionType
 from PIL import Image as Pillow
 from rosbags.rosbag1 import Writer as Writer1
@@ -136,7 +136,8 @@ def camera_infos() -> Iterator[bytes]:
         message = JAZZY.types[CAMERA_INFO](
             _HEADER, 270, 480, model, np.full(d, 0.01), K, np.eye(3).ravel(), P, 0, 0, roi)
         for little_endian in (True, False):
-            yield bytes(JAZZY.serialize_cdr(message, CAMERA_INFO, little_endian=little_endian))
+            cdr = bytes(JAZZY.serialize_cdr(message, CAMERA_INFO, little_endian=little_endian))
+            yield from (cdr, bytes((0, cdr[1] + 6)) + cdr[2:])  # and as XCDR2
     lost = JAZZY.types[CAMERA_INFO](_HEADER, 270, 480, "", np.zeros(0), K * 0, K * 0, P * 0, 0, 0, roi)
     yield bytes(JAZZY.serialize_cdr(lost, CAMERA_INFO))
 
@@ -160,6 +161,9 @@ def mcap_files() -> Iterator[bytes]:
                                                **options))
             yield whole
         yield whole[: len(whole) * 2 // 3]  # without an index
+    with TemporaryDirectory() as folder:
+        plain = by_mcap(Path(folder) / "a.mcap", short[:2])
+        yield _written("a.mcap", lambda path: with_extras(plain, path, EXTRAS[:3], enable_crcs=False))
 
 
 def db3_files() -> Iterator[bytes]:

@@ -81,6 +81,8 @@ def _bag(path: str) -> None:
             assert message.topic in reader.topics
             assert message.log_time_ns >= last_ns or not path.endswith(".mcap")
             last_ns = message.log_time_ns
+        for extra in reader.extras():
+            assert sum(map(len, extra.pieces())) == extra.index.length
         assert all(len(line.splitlines()) == 1 for line in reader.warnings), reader.warnings
 
 

@@ -270,7 +270,7 @@ def test_one_chunk_listed_again_and_again_is_read_once(tmp_path: Path) -> None:
     path.write_bytes(data)
     found = read(path)
     assert found.messages == FLIGHT
-    assert re.search(r"the index at byte \d+ lists chunks that overlap at byte \d+", found.warnings[0])
+    assert re.search(r"the index at byte \d+ lists parts that overlap at byte \d+", found.warnings[0])
 
 
 def test_messages_before_the_time_their_index_gives_do_not_break_the_order(tmp_path: Path) -> None:

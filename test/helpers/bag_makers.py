@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from mcap.reader import make_reader
+from mcap.records import Attachment, Metadata
 from mcap.writer import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -69,6 +71,43 @@ def by_mcap(path: Path, messages: list[Message] = FLIGHT, **options: Any) -> Pat
             writer.add_message(ids[message.topic], message.log_time_ns, message.data, message.publish_time_ns)
         writer.finish()
     return path
+
+
+EXTRAS: tuple[Attachment | Metadata, ...] = (
+    Attachment(name="calibration.yaml", media_type="application/yaml", create_time=5, log_time=6, data=b"fx: 800\n"),
+    Metadata(name="flight", metadata={"site": "reach 4", "pilot": "Ödön", "": ""}),
+    Attachment(name="calibration.yaml", media_type="", create_time=0, log_time=0, data=b""),
+    Attachment(name="survey/Brücke 1.bin", media_type="x/y", create_time=1, log_time=2**64 - 1,
+               data=bytes(range(256)) * 999),
+    Metadata(name="flight", metadata={}),
+)
+
+
+def with_extras(source: Path, path: Path, extras: tuple[Attachment | Metadata, ...] = EXTRAS, **options: Any) -> Path:
+    """The messages of `source` with extras among them, by the library of the format."""
+    with source.open("rb") as old, path.open("wb") as new:
+        writer = Writer(new, **{"chunk_size": 20_000, **options})
+        writer.start(profile="ros2")
+        channels, due = dict[int, int](), list(extras)
+        for schema, channel, message in make_reader(old).iter_messages():
+            if channel.id not in channels:
+                schema_id = writer.register_schema(schema.name, schema.encoding, schema.data) if schema else 0
+                channels[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, schema_id, channel.metadata)
+            writer.add_message(channels[channel.id], message.log_time, message.data, message.publish_time)
+            if due:
+                _add(writer, due.pop(0))
+        for extra in due:
+            _add(writer, extra)
+        writer.finish()
+    return path
+
+
+def _add(writer: Writer, extra: Attachment | Metadata) -> None:
+    if isinstance(extra, Metadata):
+        writer.add_metadata(extra.name, extra.metadata)
+    else:
+        writer.add_attachment(extra.create_time, extra.log_time, extra.name, extra.media_type, extra.data)
 
 
 class Read(NamedTuple):

@@ -12,6 +12,7 @@ from bag_makers import (
     JAZZY,
     METADATA,
     NOETIC,
+    QOS,
     START_NS,
     STRING,
     TOPICS,
@@ -21,6 +22,7 @@ from bag_makers import (
     text_cdr,
     without_publish_time,
 )
+from conftest import Command
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 from rclpy.serialization import deserialize_message
@@ -162,6 +164,26 @@ def test_other_encodings_pass_through_byte_for_byte(tmp_path: Path) -> None:
         found = [(s and (s.name, s.encoding, s.data), c.message_encoding, m.data)
                  for s, c, m in make_reader(file, validate_crcs=True).iter_messages()]
     assert found == [(schemas[0], "protobuf", b"\x01\x02"), (schemas[1], "jsonsche", b"\x01\x02"), (None, "raw", b"")]
+
+
+def test_what_a_channel_says_of_itself_is_carried_over(tmp_path: Path, command: Command) -> None:
+    """Several publishers make several channels of one topic; the first one speaks for it."""
+    path, copy = tmp_path / "a.mcap", tmp_path / "b.mcap"
+    given = [{"offered_qos_profiles": QOS, "serial": "4711"}, {"offered_qos_profiles": "", "lens": "wide"}, {}]
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2")
+        schema = writer.register_schema(STRING, "ros2msg", definition_of(STRING).encode())
+        for number, metadata in enumerate(given):
+            channel = writer.register_channel("/notes", "cdr", schema, metadata)
+            writer.add_message(channel, number, text_cdr("a"), number)
+        writer.finish()
+    assert command("convert", path, copy).returncode == 0
+    with copy.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    assert [channel.metadata for channel in summary.channels.values()] == given[:1]
+    assert [message.log_time_ns for message in read(copy).messages] == [0, 1, 2]
 
 
 def test_second_type_of_a_topic_is_left_out_with_a_warning(tmp_path: Path) -> None:
