@@ -13,7 +13,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.text import one_line
 from stab_ros.io.bag_types import BagReader, Message, Topic, definition_of, topic_of
 from stab_ros.io.bag_writer import BagWriter
-from stab_ros.io.mcap_reader import McapReader
+from stab_ros.io.ros1_mcap import Ros2McapReader
 from stab_ros.io.rosbags_reader import RosbagsReader
 
 __all__ = ["BagReader", "BagWriter", "Message", "Topic", "definition_of", "open_bag", "topic_of"]
@@ -37,14 +37,14 @@ def open_bag(path: Path) -> Iterator[BagReader]:
         yield reader
 
 
-def _reader_of(path: Path) -> McapReader | RosbagsReader:
+def _reader_of(path: Path) -> Ros2McapReader | RosbagsReader:
     if not path.exists():
         raise InputError(f"{path}: no such file or folder, the recording must be {KINDS}")
     if path.is_dir():
         return _folder_reader(path)
     name = path.name.lower()
     if name.endswith((".mcap", ".mcap.partial")):  # the latter is left when writing was interrupted
-        return McapReader([path])
+        return Ros2McapReader([path])
     if name.endswith((".bag", ".db3")):
         if path.stat().st_size == 0:
             raise InputError(f"{path}: is empty, the recording must be {KINDS}")
@@ -52,7 +52,7 @@ def _reader_of(path: Path) -> McapReader | RosbagsReader:
     raise InputError(f"{path}: is no recording by its name, it must be {KINDS}")
 
 
-def _folder_reader(folder: Path) -> McapReader | RosbagsReader:
+def _folder_reader(folder: Path) -> Ros2McapReader | RosbagsReader:
     """Uncompressed MCAP files are read by `McapReader`, as they may be damaged; other rosbag2 folders by rosbags."""
     found = sorted(folder.glob("*.mcap"))
     metadata = _metadata_of(folder)
@@ -61,10 +61,10 @@ def _folder_reader(folder: Path) -> McapReader | RosbagsReader:
     if not found:
         raise InputError(f"{folder}: holds no readable metadata.yaml and no .mcap file, the recording must be {KINDS}")
     if not metadata:
-        return McapReader(found, [f"{folder}: has no readable metadata.yaml, all its .mcap files were taken"])
+        return Ros2McapReader(found, [f"{folder}: has no readable metadata.yaml, all its .mcap files were taken"])
     listed = [folder / Path(name).name for name in metadata["relative_file_paths"]]
     missing = [f"{one_line(path)}: is missing, its messages are lost" for path in listed if path not in found]
-    return McapReader([path for path in listed if path in found] or found, missing)
+    return Ros2McapReader([path for path in listed if path in found] or found, missing)
 
 
 def _metadata_of(folder: Path) -> dict[str, Any]:
