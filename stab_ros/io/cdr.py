@@ -93,14 +93,16 @@ def serialize(message: object, msgtype: str) -> bytes:
     return bytes(typestore().serialize_cdr(message, msgtype))
 
 
-def deserialize(cdr: bytes | memoryview, msgtype: str) -> object:
+def deserialize(cdr: bytes | memoryview, msgtype: str, store: Typestore | None = None) -> object:
     """The message; its arrays are views of `cdr` if that is bytes, else of a copy, as views need immutable memory.
+
+    store: which knows the type; None: that of Jazzy.
 
     Raises:
         MessageError: the bytes are no such message.
     """
     view = memoryview(cdr if isinstance(cdr, bytes) else bytes(cdr))  # a view, as rosbags slices the header off
     try:
-        return typestore().deserialize_cdr(view, msgtype)
+        return (store or typestore()).deserialize_cdr(view, msgtype)
     except (SerdeError, KeyError) as error:
         raise MessageError(f"not a {msgtype}: {error}") from error
