@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.stores import ros2_jazzy as ros
 
 from stab_ros.core.errors import MessageError
+from stab_ros.core.text import one_line
 from stab_ros.io.bag_types import Topic
 from stab_ros.io.cdr import SECOND_NS, Header, deserialize, header_message, to_ns
 from stab_ros.io.protobuf import protobuf_fields
+from stab_ros.io.ros1 import CONVERSION_ERRORS
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -93,8 +95,8 @@ def _store(msgtype: str, definition: str) -> Typestore:
     store = get_typestore(Stores.ROS2_JAZZY)
     try:
         store.register({msgtype: get_types_from_msg(definition, msgtype)[msgtype]})
-    except (TypesysError, KeyError, RecursionError) as error:
-        raise MessageError(f"the definition of {msgtype} cannot be read: {error}") from error
+    except CONVERSION_ERRORS as error:
+        raise MessageError(f"the definition of {msgtype} cannot be read: {one_line(error)[:100]}") from error
     return store
 
 

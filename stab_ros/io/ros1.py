@@ -20,7 +20,7 @@ Conversion: TypeAlias = Callable[[bytes], bytes | memoryview]
 # what rosbags lets through on damaged definitions and messages besides its own errors
 CONVERSION_ERRORS = (
     SerdeError, TypesysError, struct.error, ValueError, LookupError, TypeError, AttributeError, AssertionError,
-    RuntimeError, MemoryError, OverflowError)
+    RuntimeError, MemoryError, OverflowError, SyntaxError)
 _HEADER = "std_msgs/msg/Header"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -34,6 +35,7 @@ _OPTIONS = {
     "libvpx-vp9": {"deadline": "realtime", "cpu-used": "8"},
     "libsvtav1": {"preset": "10"},
 }
+os.environ.setdefault("SVT_LOG", "1")  # errors only
 KEY_EVERY = 5  # frames
 
 
@@ -47,7 +49,12 @@ class Packet:
 
 def encoded(shots: Sequence[Shot], encoder: str = "libx264", pixels: str = "yuv420p", **options: str) -> list[Packet]:
     """The packets of the flight, a key frame every five."""
-    height, width = shots[0].image.shape[:2]
+    return encoded_images([shot.image for shot in shots], encoder, pixels, **options)
+
+
+def encoded_images(images: Sequence[Image], encoder: str, pixels: str = "yuv420p", **options: str) -> list[Packet]:
+    """The packets of images, grey or bgr8."""
+    height, width = images[0].shape[:2]
     context = av.CodecContext.create(encoder, "w")
     assert isinstance(context, av.VideoCodecContext)
     context.width, context.height, context.pix_fmt = width, height, pixels
@@ -55,8 +62,8 @@ def encoded(shots: Sequence[Shot], encoder: str = "libx264", pixels: str = "yuv4
     context.gop_size = KEY_EVERY
     context.options = {**_OPTIONS[encoder], **options}
     packets: list[Any] = []
-    for number, shot in enumerate(shots):
-        frame = av.VideoFrame.from_ndarray(shot.image, "gray" if shot.image.ndim == 2 else "bgr24")
+    for number, image in enumerate(images):
+        frame = av.VideoFrame.from_ndarray(image, "gray" if image.ndim == 2 else "bgr24")
         frame = frame.reformat(format=pixels)
         frame.pts = number
         packets += context.encode(frame)

@@ -16,6 +16,7 @@ from bag_makers import (
     STRING,
     TOPICS,
     by_mcap,
+    by_mcap_ros1,
     read,
     ros1_messages,
     text_cdr,
@@ -29,7 +30,6 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from rosbags.typesys.msg import denormalize_msgtype
 from sensor_msgs.msg import CameraInfo
 
 from stab_ros.io.bag import BagWriter, definition_of, open_bag
@@ -96,23 +96,6 @@ def test_ros1_bag_comes_in_as_ros2(tmp_path: Path, compression: Writer1.Compress
             writer.write(connection, START_NS + number, NOETIC.serialize_ros1(message, msgtype))
     check_ros1(tmp_path / "a.bag")
     assert "durability: 1" in read(tmp_path / "a.bag").topics["/gauge"].qos  # latched
-
-
-def by_mcap_ros1(path: Path, spoil: bytes = b"", definition: bytes = b"") -> Path:
-    """As `mcap convert` makes it of a ROS 1 bag. spoil: a message of each topic after the good one."""
-    with path.open("wb") as file:
-        writer = Writer(file)
-        writer.start(profile="ros1", library="test")
-        for number, (topic, msgtype, message) in enumerate(ros1_messages()):
-            text = definition or NOETIC.generate_msgdef(msgtype, ros_version=1)[0].encode()
-            schema = writer.register_schema(denormalize_msgtype(msgtype), "ros1msg", text)
-            channel = writer.register_channel(topic, "ros1", schema)
-            data = bytes(NOETIC.serialize_ros1(message, msgtype))
-            writer.add_message(channel, START_NS + number, data, START_NS + number)
-            if spoil:
-                writer.add_message(channel, START_NS + 10 + number, spoil, START_NS + 10 + number)
-        writer.finish()
-    return path
 
 
 def test_ros1_in_an_mcap_comes_in_as_ros2(tmp_path: Path, command: Command) -> None:
