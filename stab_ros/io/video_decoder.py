@@ -9,11 +9,13 @@ from types import MappingProxyType
 
 import av
 import numpy as np
+from av.video.codeccontext import VideoCodecContext
 from numpy.typing import NDArray
 
 from stab_ros.core.errors import MessageError
 from stab_ros.core.types import Image
 from stab_ros.io.compressed_image import MAX_DECODED
+from stab_ros.io.h264_gaps import FrameNumbers
 
 # what messages call a video format -> FFmpeg's decoder. The names are those of Foxglove, and of FFmpeg's encoders
 # without the prefix lib and the hardware, as in libx264 and hevc_nvenc.
@@ -30,7 +32,7 @@ _MOST_PIXELS = MAX_DECODED // 3
 # FFmpeg's H.264 decoder marks a damaged picture; that of H.265 must be told to refuse its packet
 _OPTIONS = {"hevc": {"err_detect": "explode"}}
 # whose decoder knows when the picture is whole, also in streams that have no key frames but refresh it bit by bit
-_RECOVERS = "h264"
+_H264 = "h264"
 # pixel formats without colour -> the format to read, the encoding of the frame; all others become bgr8
 _GREY = {"gray": ("gray", "mono8"),
          **dict.fromkeys(("gray10le", "gray12le", "gray14le", "gray16le"), ("gray16le", "mono16"))}
@@ -70,16 +72,21 @@ class VideoDecoder:
         if codec not in av.codecs_available:
             raise MessageError(f"video format {video_format[:40]!r} cannot be decoded, it must be one of {_FORMATS}")
         context = av.CodecContext.create(codec, "r")
-        assert isinstance(context, av.VideoCodecContext)
+        assert isinstance(context, VideoCodecContext)
         context.thread_count = 1
         context.options = {"max_pixels": str(_MOST_PIXELS), **_OPTIONS.get(codec, {})}
         self._context = context
-        self._may_show = self._recovers = codec == _RECOVERS
+        self._may_show = self._recovers = codec == _H264
+        self._numbers = FrameNumbers() if codec == _H264 else None
 
     @property
     def reorders(self) -> bool:
         """Whether pictures may come out in another order than their packets."""
         return bool(self._context.has_b_frames)
+
+    def misses_before(self, data: NDArray[np.uint8]) -> bool:
+        """Whether packets that this one builds on are missing; told of H.264 alone, as other decoders notice it."""
+        return self._numbers is not None and self._numbers.misses_before(data.tobytes())
 
     def decode(self, number: int, data: NDArray[np.uint8]) -> Sequence[Shown]:
         """The pictures that come out once the packet `number` has gone in, in the order in which they are shown.

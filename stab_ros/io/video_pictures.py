@@ -28,7 +28,7 @@ class _Waiting(NamedTuple):
 
     message: Message
     stamp_ns: int
-    frame_id: str
+    frame_id: str = ""
 
 
 class VideoPictures:
@@ -47,12 +47,16 @@ class VideoPictures:
             yield from self.finish()
             self._decoder = None
         self._format = one_line(packet.format[:40])
-        number = self._wait(_Waiting(message, packet.header.stamp_ns, packet.header.frame_id))
+        one = _Waiting(message, packet.header.stamp_ns, packet.header.frame_id)
         try:
             self._decoder = self._decoder or VideoDecoder(packet.format)
         except MessageError as error:
-            yield self._picture(number, error)
+            yield self._picture(self._wait(one), error)
             return
+        if self._decoder.misses_before(packet.data):
+            yield from self._drained()
+            self._why = _AFTER_DAMAGE if self._why == _NO_PICTURE else self._why
+        number = self._wait(one)
         try:
             shown = self._decoder.decode(number, packet.data)
         except MessageError as error:
@@ -63,7 +67,7 @@ class VideoPictures:
 
     def skip(self, message: Message, stamp_ns: int, error: MessageError) -> Iterator[Picture]:
         """The pictures that are known once a message has come that cannot be read."""
-        number = self._wait(_Waiting(message, stamp_ns, ""))
+        number = self._wait(_Waiting(message, stamp_ns))
         if self._decoder is None:
             yield self._picture(number, error)
         else:
@@ -71,10 +75,14 @@ class VideoPictures:
 
     def finish(self) -> Iterator[Picture]:
         """The pictures that were held back, and the last ones lost."""
+        yield from self._drained()
+        self._why = _NO_KEY_FRAME
+
+    def _drained(self) -> Iterator[Picture]:
+        """Nothing waits afterwards, and decoding starts anew."""
         if self._decoder is not None:
             yield from self._given(self._decoder.finish())
         yield from self._lost(self._waiting)
-        self._why = _NO_KEY_FRAME
 
     def _wait(self, one: _Waiting) -> int:
         self._newest += 1
@@ -116,9 +124,9 @@ class VideoPictures:
             yield self._picture(number, MessageError(self._why))
 
     def _frame(self, shown: Shown) -> Decoded:
-        waiting = self._waiting[shown.number]
+        _, stamp_ns, frame_id = self._waiting[shown.number]
         try:
-            return Frame(*shown.image(), waiting.stamp_ns, waiting.frame_id)
+            return Frame(*shown.image(), stamp_ns, frame_id)
         except MessageError as error:
             return error
 

@@ -12,6 +12,7 @@ from typing import Any
 import av
 import cv2
 import numpy as np
+from av.video.codeccontext import VideoCodecContext
 from mcap.writer import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -56,7 +57,7 @@ def encoded_images(images: Sequence[Image], encoder: str, pixels: str = "yuv420p
     """The packets of images, grey or bgr8."""
     height, width = images[0].shape[:2]
     context = av.CodecContext.create(encoder, "w")
-    assert isinstance(context, av.VideoCodecContext)
+    assert isinstance(context, VideoCodecContext)
     context.width, context.height, context.pix_fmt = width, height, pixels
     context.time_base, context.framerate = Fraction(1, 25), Fraction(25)
     context.gop_size = KEY_EVERY

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -61,6 +62,11 @@ def pictures(path: Path, topic: str | None = None) -> list[Picture]:
         return found
 
 
+def skip_without(encoder: str) -> None:
+    if encoder not in av.codecs_available:
+        pytest.skip(f"this build of FFmpeg has no {encoder}")
+
+
 def lost(found: Sequence[Picture]) -> dict[int, str]:
     """Why, by number."""
     return {number: str(picture.decoded) for number, picture in enumerate(found)
@@ -96,6 +102,7 @@ def check_same(found: Sequence[Any], expected: Sequence[Any]) -> None:
     ("libsvtav1", protobuf_video("av1"), "foxglove.CompressedVideo")], ids=str)
 def test_each_format_in_each_message(
         flight: list[Shot], stamps_ns: list[int], tmp_path: Path, encoder: str, message: Message, msgtype: str) -> None:
+    skip_without(encoder)
     bag = write_coded(tmp_path / "a.mcap", encoded(flight, encoder), stamps_ns, message, msgtype)
     found = pictures(bag)
     assert not lost(found)
@@ -194,6 +201,7 @@ def test_a_recording_that_begins_between_key_frames(
 @pytest.mark.parametrize("encoder", ["libx264", "libx265", "libvpx-vp9", "libsvtav1"])
 def test_pictures_after_a_damaged_packet_are_lost_up_to_the_next_key_frame(
         flight: list[Shot], stamps_ns: list[int], tmp_path: Path, encoder: str) -> None:
+    skip_without(encoder)
     options = {"svtav1-params": "pred-struct=1"} if encoder == "libsvtav1" else {}
     stream, name = encoded(flight, encoder, **options), {"libx264": "h264", "libx265": "h265", "libvpx-vp9": "vp9"}
     message = compressed_video(name.get(encoder, "av1"))
@@ -206,6 +214,35 @@ def test_pictures_after_a_damaged_packet_are_lost_up_to_the_next_key_frame(
     assert [picture.stamp_ns for picture in found] == stamps_ns
     same = [0, 1, *range(5, 10)]
     assert np.array_equal(images(found), [images(whole)[number] for number in same])
+
+
+@pytest.mark.parametrize(("encoder", "options"), [
+    ("libx264", {}), ("libx264", {"bf": "2", "preset": "medium"}), ("libx264", {"preset": "slow"}),
+    ("libx264", {"x264-params": "cqm=jvt:8x8dct=1:keyint=5:ref=4:slices=3"}), ("libx265", {})])
+def test_pictures_after_a_missing_packet_are_lost_up_to_the_next_key_frame(
+        flight: list[Shot], stamps_ns: list[int], tmp_path: Path, encoder: str, options: dict[str, str]) -> None:
+    if encoder == "libx265" and av.library_versions["libavcodec"][0] < 62:
+        pytest.skip("FFmpeg before 8 does not notice it")
+    stream, message = encoded(flight, encoder, **options), compressed_video(encoder)
+    whole = {picture.stamp_ns: picture for picture in pictures(
+        write_coded(tmp_path / "whole.mcap", stream, stamps_ns, message))}
+    found = pictures(write_coded(tmp_path / "a.mcap", [stream[0], *stream[2:]], stamps_ns, message))
+    assert sorted(picture.stamp_ns for picture in found) == sorted({*stamps_ns} - {stamps_ns[stream[1].number]})
+    assert len(lost(found)) == KEY_EVERY - 2
+    for picture in found:
+        if isinstance(picture.decoded, Frame):
+            assert np.array_equal(images([picture]), images([whole[picture.stamp_ns]]))
+
+
+def test_a_message_that_cannot_be_read(packets: list[Packet], stamps_ns: list[int], tmp_path: Path) -> None:
+    def message(packet: Packet, stamp_ns: int) -> bytes:
+        whole = compressed_video("h264")(packet, stamp_ns)
+        return {2: whole[:40], 3: b"?"}.get(packet.number, whole)
+
+    found = pictures(write_coded(tmp_path / "a.mcap", packets, stamps_ns, message))
+    assert set(lost(found)) == {2, 3, 4}
+    assert f"not a {COMPRESSED_VIDEO}" in lost(found)[2]
+    assert [picture.stamp_ns for picture in found] == [*stamps_ns[:3], found[3].log_time_ns, *stamps_ns[4:]]
 
 
 def test_parameter_sets_in_a_message_of_their_own(packets: list[Packet], stamps_ns: list[int], tmp_path: Path) -> None:
