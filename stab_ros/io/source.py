@@ -54,7 +54,8 @@ class Source(Protocol):
             others: the other topics to read; None: all of them.
 
         Returns:
-            An iterator over images and messages in the order in which they were logged.
+            An iterator over images and messages in the order in which they were logged; the images of a coded video in
+            the order in which they are shown, which may be another one.
 
         Raises:
             InputError: at the end, if not one image could be decoded.
