@@ -11,7 +11,7 @@ from stab_ros.io.bag_types import BagReader, Message, Topic, definition_of, topi
 from stab_ros.io.bag_writer import BagWriter
 from stab_ros.io.image_names import image_files
 from stab_ros.io.mcap_extras import Extra
-from stab_ros.io.mcap_reader import McapReader
+from stab_ros.io.ros1_mcap import Ros2McapReader
 from stab_ros.io.rosbag2_folder import COMPRESSED, parts_of
 from stab_ros.io.rosbags_reader import RosbagsReader
 from stab_ros.io.split_reader import SplitReader
@@ -36,14 +36,14 @@ def open_bag(path: Path) -> Iterator[BagReader]:
         yield reader
 
 
-def _reader_of(path: Path) -> McapReader | RosbagsReader | SplitReader:
+def _reader_of(path: Path) -> Ros2McapReader | RosbagsReader | SplitReader:
     if not path.exists():
         raise InputError(f"{path}: no such file or folder, the recording must be {KINDS}")
     if path.is_dir():
         return _folder_reader(path)
     name = path.name.lower()
     if name.endswith((".mcap", ".mcap.partial")):  # the latter is left when writing was interrupted
-        return McapReader([path])
+        return Ros2McapReader([path])
     if name.endswith((".bag", ".db3")):
         if path.stat().st_size == 0:
             raise InputError(f"{path}: is empty, the recording must be {KINDS}")
@@ -53,7 +53,7 @@ def _reader_of(path: Path) -> McapReader | RosbagsReader | SplitReader:
     raise InputError(f"{path}: is no recording by its name, it must be {KINDS}")
 
 
-def _folder_reader(folder: Path) -> McapReader | SplitReader:
+def _folder_reader(folder: Path) -> Ros2McapReader | SplitReader:
     """MCAP files are read as one, block by block."""
     parts, said = parts_of(folder)
     if not parts:
@@ -61,7 +61,7 @@ def _folder_reader(folder: Path) -> McapReader | SplitReader:
         raise InputError(f"{folder}: holds no recording ({why}), the recording must be {KINDS}")
     whole = all(path.name.lower().endswith(".mcap") for path in parts)
     said += _images_beside(folder)
-    return McapReader(parts, said) if whole else SplitReader(parts, said)
+    return Ros2McapReader(parts, said) if whole else SplitReader(parts, said)
 
 
 def _images_beside(folder: Path) -> list[str]:

@@ -7,15 +7,16 @@ import statistics
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
-from stab_ros.core.errors import InputError, MessageError
+from stab_ros.core.errors import InputError
 from stab_ros.core.types import Frame
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.bag import BagReader, Extra, Message, Topic
 from stab_ros.io.camera_message import read_camera
-from stab_ros.io.cdr import CAMERA_INFO, COMPRESSED_IMAGE, read_stamp
-from stab_ros.io.frame_reader import DEFAULT_FPS, MAX_FPS, Decoded
-from stab_ros.io.image_message import IMAGE_TYPES, read_image
+from stab_ros.io.cdr import CAMERA_INFO
+from stab_ros.io.frame_reader import DEFAULT_FPS, MAX_FPS
+from stab_ros.io.image_topic import holds_images, namespace_of, no_images, stamp_of
 from stab_ros.io.picture import Picture, limited, only_pictures, readable
+from stab_ros.io.picture_reader import with_pictures
 from stab_ros.io.topics import (
     CAMERA_INFO_TOPIC,
     DEBUG_IMAGE_TOPIC,
@@ -46,18 +47,20 @@ class BagSource:
 
     def items(self, limit: int | None = None, others: Collection[str] | None = None) -> Iterator[Picture | Message]:
         wanted = None if others is None else {self.image_topic, *others}
-        return readable(self.name, self.image_topic, limited(map(self._item, self._reader.messages(wanted)), limit))
+        items = with_pictures(self._reader.messages(wanted), self.topics[self.image_topic])
+        return readable(self.name, self.image_topic, limited(items, limit))
 
     def frames(self, limit: int | None = None) -> Iterator[Picture]:
-        pictures = map(self._picture, self._reader.messages([self.image_topic]))
-        return only_pictures(readable(self.name, self.image_topic, limited(pictures, limit)))
+        return only_pictures(self.items(limit, ()))
 
     def extras(self) -> Iterator[Extra]:
         return self._reader.extras()
 
     def rate_hz(self) -> float:
         messages = itertools.islice(self._reader.messages([self.image_topic]), _RATE_FRAMES)
-        return _rate_hz([_stamp_of(message) for message in messages])
+        topic = self.topics[self.image_topic]
+        stamps_ns = [stamp_of(message.data, topic) for message in messages]
+        return _rate_hz(sorted(stamp_ns for stamp_ns in stamps_ns if stamp_ns is not None))  # B-frames come later
 
     def camera(self) -> Camera:
         name = topic_in(namespace_of(self.topics[self.image_topic]), CAMERA_INFO_TOPIC)
@@ -81,47 +84,17 @@ class BagSource:
                 self.name, name, *camera.size, self.image_topic, *size))
         return camera
 
-    def _item(self, message: Message) -> Picture | Message:
-        return self._picture(message) if message.topic == self.image_topic else message
-
-    def _picture(self, message: Message) -> Picture:
-        decoded: Decoded
-        try:
-            decoded = read_image(message.data, self.topics[self.image_topic].msgtype)
-            stamp_ns = decoded.stamp_ns
-        except MessageError as error:
-            decoded, stamp_ns = error, _stamp_of(message)
-        return Picture(message.log_time_ns, message.publish_time_ns, stamp_ns, decoded, message.data)
-
-
-def namespace_of(topic: Topic) -> str:
-    """The camera's namespace: `/ns` for `/ns/image_raw`, `/ns/image_raw/compressed` and any other `/ns/name`.
-
-    ROS knows no slash at the end of a name, nor two in a row, but recordings have them.
-    """
-    base = topic.name.rstrip("/")
-    if topic.msgtype == COMPRESSED_IMAGE:
-        base = base.removesuffix("/compressed").removesuffix("/compressedDepth")
-    return base.rpartition("/")[0].rstrip("/")
-
 
 def _choose_topic(name: str, topics: Mapping[str, Topic], wanted: str | None) -> str:
-    images = sorted(topic.name for topic in topics.values() if topic.msgtype in IMAGE_TYPES)
+    images = sorted(topic.name for topic in topics.values() if holds_images(topic))
     if not images:
-        raise InputError(f"{name}: holds no images; it must have a topic of type {' or '.join(IMAGE_TYPES)}")
+        raise no_images(name, topics)
     if wanted is not None and wanted not in images:
         raise InputError(f"{name}: has no image topic {wanted}; its image topics are {', '.join(images)}")
     filled = [topic for topic in images if topics[topic].count > 0 and not topic.endswith(SINGLE_IMAGES)]
     if wanted is None and len(filled) > 1:
         raise InputError(f"{name}: has several image topics, name one with --image-topic: {', '.join(filled)}")
     return wanted or (filled or images)[0]
-
-
-def _stamp_of(message: Message) -> int:
-    try:
-        return read_stamp(message.data)
-    except MessageError:
-        return message.log_time_ns
 
 
 def _rate_hz(stamps_ns: list[int]) -> float:

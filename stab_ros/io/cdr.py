@@ -94,15 +94,17 @@ def serialize(message: object, msgtype: str) -> bytes:
     return bytes(typestore().serialize_cdr(message, msgtype))
 
 
-def deserialize(cdr: bytes | memoryview, msgtype: str) -> object:
+def deserialize(cdr: bytes | memoryview, msgtype: str, store: Typestore | None = None) -> object:
     """The message; its arrays are views of `cdr` if that is bytes, else of a copy, as views need immutable memory.
+
+    store: which knows the type; None: that of Jazzy.
 
     Raises:
         MessageError: the bytes are no such message.
     """
     try:
-        plain = as_cdr(cdr, msgtype, typestore().fielddefs)
+        plain = as_cdr(cdr, msgtype, (store or typestore()).fielddefs)
         data = plain if isinstance(plain, bytes) else bytes(plain)
-        return typestore().deserialize_cdr(memoryview(data), msgtype)  # a view, as rosbags slices the header off
+        return (store or typestore()).deserialize_cdr(memoryview(data), msgtype)  # rosbags slices the header off
     except (SerdeError, MessageError, KeyError) as error:
         raise MessageError(f"not a {msgtype}: {error}") from error

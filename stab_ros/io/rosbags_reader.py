@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import TypeAlias
 
 import apsw
-from rosbags.convert.converter import LATCH, STATIC_MSGTYPE_RENAMES, is_same_wireformat, migrate_bytes
+from rosbags.convert.converter import LATCH
 from rosbags.interfaces import Connection, ConnectionExtRosbag1, MessageDefinitionFormat
 from rosbags.rosbag1 import ReaderError as Reader1Error
 from rosbags.rosbag2 import ReaderError as Reader2Error
 from rosbags.rosbag2.metadata import dump_qos_v8
-from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from ruamel.yaml.error import YAMLError
 
 from stab_ros.core.errors import InputError
@@ -25,16 +20,12 @@ from stab_ros.io.bag_types import Message, Topic, topic_of
 from stab_ros.io.cdr import typestore
 from stab_ros.io.compression import UNPACKING_ERRORS, plain_message
 from stab_ros.io.mcap_extras import Extra
+from stab_ros.io.ros1 import CONVERSION_ERRORS, Conversion, ros1_topic
 from stab_ros.io.rosbags_bounds import BoundedReader1, BoundedReader2
-
-Conversion: TypeAlias = Callable[[bytes], bytes | memoryview]
 
 # what rosbags lets through on damaged files besides its own errors
 _DAMAGE = (
-    Reader1Error, Reader2Error, SerdeError, TypesysError, YAMLError, apsw.Error, *UNPACKING_ERRORS, OSError,
-    struct.error, LookupError, TypeError, AttributeError, AssertionError, RuntimeError, OverflowError,
-)
-_HEADER = "std_msgs/msg/Header"
+    *CONVERSION_ERRORS, *UNPACKING_ERRORS, Reader1Error, Reader2Error, YAMLError, apsw.Error, OSError)
 _SCHEMA_ENCODINGS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL: "ros2idl"}
 
 
@@ -114,7 +105,7 @@ def _converted_topic(connection: Connection) -> tuple[Topic, Conversion]:
     """The topic as ROS 2 has it, and how to get its messages into CDR."""
     if isinstance(connection.ext, ConnectionExtRosbag1):
         qos = dump_qos_v8(LATCH) if connection.ext.latching else ""
-        return _ros1_topic(connection, qos)
+        return ros1_topic(Topic(connection.topic, connection.msgtype, connection.msgcount, connection.msgdef.data, qos))
     msgdef, qos = connection.msgdef, dump_qos_v8(connection.ext.offered_qos_profiles)
     name, msgtype, count = connection.topic, connection.msgtype, connection.msgcount
     if msgdef.format in _SCHEMA_ENCODINGS:
@@ -123,24 +114,6 @@ def _converted_topic(connection: Connection) -> tuple[Topic, Conversion]:
     if msgtype in typestore().fielddefs:  # recordings before Iron hold no definitions
         return replace(topic_of(name, msgtype, qos), count=count), bytes
     return Topic(name, msgtype, count, "", qos, schema_encoding=""), bytes
-
-
-def _ros1_topic(connection: Connection, qos: str) -> tuple[Topic, Conversion]:
-    """As the type of the same name in Jazzy, whose new fields get their defaults; else as the bag defines it."""
-    source, target = get_typestore(Stores.EMPTY), typestore()
-    types = get_types_from_msg(connection.msgdef.data, connection.msgtype)
-    source.register(types)
-    msgtype = STATIC_MSGTYPE_RENAMES.get(connection.msgtype, connection.msgtype)
-    if msgtype not in target.fielddefs:
-        target = get_typestore(Stores.EMPTY)
-        target.register({**types, _HEADER: typestore().fielddefs[_HEADER]})  # ROS 1's has a sequence number
-    definition, _ = target.generate_msgdef(msgtype, ros_version=2)
-    topic = Topic(connection.topic, msgtype, connection.msgcount, definition, qos,
-                  type_hash=target.hash_rihs01(msgtype))
-    if is_same_wireformat(source, target, connection.msgtype, msgtype):
-        return topic, partial(target.ros1_to_cdr, typename=msgtype)
-    return topic, lambda data: migrate_bytes(
-        source, target, connection.msgtype, msgtype, {}, data, src_is2=False, dst_is2=True)
 
 
 def _reason(error: BaseException) -> str:

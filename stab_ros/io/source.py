@@ -11,17 +11,17 @@ from typing import Protocol
 from stab_ros.core.errors import InputError
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.bag import Extra, Message, Topic, open_bag
-from stab_ros.io.bag_source import REFERENCE_IMAGE, SINGLE_IMAGES, STATIC_MAP, BagSource, namespace_of
+from stab_ros.io.bag_source import REFERENCE_IMAGE, SINGLE_IMAGES, STATIC_MAP, BagSource
 from stab_ros.io.image_folder import ImageFolder
-from stab_ros.io.image_message import IMAGE_TYPES
+from stab_ros.io.image_topic import holds_images, namespace_of, no_images
 from stab_ros.io.input_kind import Kind, kind_of
 from stab_ros.io.picture import Picture
 from stab_ros.io.video import VideoFile
 from stab_ros.io.video_source import PICTURE_TOPIC, VideoSource
 
 __all__ = [
-    "IMAGE_TYPES", "PICTURE_TOPIC", "REFERENCE_IMAGE", "SINGLE_IMAGES", "STATIC_MAP", "BagSource", "Kind", "Picture",
-    "Source", "VideoSource", "kind_of", "namespace_of", "open_source", "read_again",
+    "PICTURE_TOPIC", "REFERENCE_IMAGE", "SINGLE_IMAGES", "STATIC_MAP", "BagSource", "Kind", "Picture", "Source",
+    "VideoSource", "holds_images", "kind_of", "namespace_of", "no_images", "open_source", "read_again",
 ]
 
 
@@ -54,7 +54,8 @@ class Source(Protocol):
             others: the other topics to read; None: all of them.
 
         Returns:
-            An iterator over images and messages in the order in which they were logged.
+            An iterator over images and messages in the order in which they were logged; the images of a coded video in
+            the order in which they are shown, which may be another one.
 
         Raises:
             InputError: at the end, if not one image could be decoded.

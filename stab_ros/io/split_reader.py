@@ -16,7 +16,7 @@ from stab_ros.core.text import one_line
 from stab_ros.io.bag_types import Message, Topic
 from stab_ros.io.compression import unpack_file
 from stab_ros.io.mcap_extras import Extra, each_once
-from stab_ros.io.mcap_reader import McapReader
+from stab_ros.io.ros1_mcap import Ros2McapReader
 from stab_ros.io.rosbag2_folder import COMPRESSED
 from stab_ros.io.rosbags_reader import RosbagsReader
 
@@ -73,13 +73,13 @@ class SplitReader:
         """Attachments and metadata of all parts; what several hold comes once."""
         return each_once(reader.extras() for reader in self._readers)
 
-    def _opened(self, paths: list[Path], stack: ExitStack) -> list[McapReader | RosbagsReader]:
-        readers: list[McapReader | RosbagsReader] = []
+    def _opened(self, paths: list[Path], stack: ExitStack) -> list[Ros2McapReader | RosbagsReader]:
+        readers: list[Ros2McapReader | RosbagsReader] = []
         room = shutil.disk_usage(self._folder).free // 2
         for path in paths:
             try:
                 plain = self._unpacked(path, room) if path.suffix == COMPRESSED else path
-                readers.append(McapReader([plain]) if plain.suffix.lower() == ".mcap" else RosbagsReader(plain))
+                readers.append(Ros2McapReader([plain]) if plain.suffix.lower() == ".mcap" else RosbagsReader(plain))
             except InputError as error:
                 if len(paths) == 1:
                     raise
@@ -105,7 +105,7 @@ class SplitReader:
             self._extra_warnings.append(f"{path}: {one_line(why)}, what follows is lost")
         return plain
 
-    def _take_topics(self, reader: McapReader | RosbagsReader) -> Set[str]:
+    def _take_topics(self, reader: Ros2McapReader | RosbagsReader) -> Set[str]:
         """Takes the topics of a part over, and gives their names."""
         names = set[str]()
         for topic in reader.topics.values():
@@ -119,7 +119,7 @@ class SplitReader:
         return names
 
 
-def _in_order(reader: McapReader | RosbagsReader, part: int, topics: Set[str]) -> Iterator[_Due]:
+def _in_order(reader: Ros2McapReader | RosbagsReader, part: int, topics: Set[str]) -> Iterator[_Due]:
     """First the announcement, so that merging reads a part only once its time has come."""
     yield _Due(reader.start_ns, part, None)
     for message in reader.messages(topics):

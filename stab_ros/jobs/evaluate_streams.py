@@ -10,15 +10,17 @@ from pathlib import Path
 from stab_ros.core.errors import InputError
 from stab_ros.io.bag import Topic, open_bag
 from stab_ros.io.cdr import CAMERA_INFO, IMAGE
+from stab_ros.io.image_message import IMAGE_TYPES
 from stab_ros.io.source import (
-    IMAGE_TYPES,
     REFERENCE_IMAGE,
     SINGLE_IMAGES,
     BagSource,
     Kind,
     Source,
+    holds_images,
     kind_of,
     namespace_of,
+    no_images,
     open_source,
 )
 from stab_ros.io.topics import HOMOGRAPHY_TOPIC, RAW_COMPRESSED_TOPIC, RAW_TOPIC, STABILIZED_TOPIC, topic_in
@@ -74,7 +76,7 @@ def choose_topics(name: str, topics: Mapping[str, Topic], wanted: Sequence[str])
     Raises:
         InputError: there is none, the wanted one is missing, or the choice is ambiguous.
     """
-    images = sorted(topic.name for topic in topics.values() if topic.msgtype in IMAGE_TYPES)
+    images = sorted(topic.name for topic in topics.values() if holds_images(topic))
     unknown = [topic for topic in wanted if topic not in images]
     if unknown:
         raise InputError(f"{name}: has no image topic {unknown[0]}; its image topics are {', '.join(images) or 'none'}")
@@ -82,26 +84,30 @@ def choose_topics(name: str, topics: Mapping[str, Topic], wanted: Sequence[str])
         return list(dict.fromkeys(wanted))
     filled = [topic for topic in images if topics[topic].count and not topic.endswith(SINGLE_IMAGES)]
     if len(filled) <= 1:
-        return filled or images[:1] or _no_images(name)
-    pair = _raw_and_stabilized(filled)
+        if not images:
+            raise no_images(name, topics)
+        return filled or images[:1]
+    pair = _raw_and_stabilized([topics[topic] for topic in filled])
     if pair is None:
         raise InputError(f"{name}: has several image topics, name one with --image-topic: {', '.join(filled)}")
     return pair
 
 
-def _no_images(name: str) -> list[str]:
-    raise InputError(f"{name}: holds no images; it must have a topic of type {' or '.join(IMAGE_TYPES)}")
-
-
-def _raw_and_stabilized(filled: Sequence[str]) -> list[str] | None:
+def _raw_and_stabilized(filled: Sequence[Topic]) -> list[str] | None:
     """The raw and the stabilised topic of the only stabilised camera; None if the choice is ambiguous."""
-    stabilized = [topic for topic in filled if topic.endswith(f"/{STABILIZED_TOPIC}")]
+    stabilized = [topic.name for topic in filled if topic.name.endswith(f"/{STABILIZED_TOPIC}")]
     if len(stabilized) != 1:
         return None
-    namespace = stabilized[0].removesuffix(STABILIZED_TOPIC)
-    raw = [topic for topic in filled if topic in [namespace + suffix for suffix in _RAW]]
-    strangers = [topic for topic in filled if not topic.startswith(namespace)]
+    namespace = stabilized[0].removesuffix(f"/{STABILIZED_TOPIC}")
+    raw = [topic.name for topic in filled if _is_raw(topic, namespace)]
+    strangers = [topic for topic in filled if not topic.name.startswith(f"{namespace}/")]
     return None if strangers else [*raw[:1], *stabilized]
+
+
+def _is_raw(topic: Topic, namespace: str) -> bool:
+    """Raw images have one of two names; coded video has any, and only a camera sends it."""
+    named = topic.name in [topic_in(namespace, name) for name in _RAW]
+    return named or (topic.msgtype not in IMAGE_TYPES and namespace_of(topic) == namespace)
 
 
 def expected_pictures(streams: Sequence[ImageStream], limit: int | None) -> int | None:

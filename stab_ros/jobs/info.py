@@ -11,9 +11,12 @@ from stab_ros.core.errors import MessageError
 from stab_ros.core.text import one_line
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import BagReader, Topic, open_bag
-from stab_ros.io.image_message import read_image
-from stab_ros.io.source import IMAGE_TYPES, Kind, kind_of, open_source
+from stab_ros.io.image_topic import holds_images, video_format
+from stab_ros.io.picture_reader import pictures_of
+from stab_ros.io.source import Kind, kind_of, open_source
 from stab_ros.io.video import VideoFacts, VideoFile
+
+_MOST_LOST = 600  # images at the beginning of a video, among which there is a key frame
 
 
 def describe(path: Path) -> tuple[list[str], list[str]]:
@@ -82,17 +85,29 @@ def _table(reader: BagReader) -> list[str]:
 
 
 def _images(reader: BagReader) -> list[str]:
-    topics = [topic for _, topic in sorted(reader.topics.items()) if topic.msgtype in IMAGE_TYPES]
+    topics = [topic for _, topic in sorted(reader.topics.items()) if holds_images(topic)]
     return [f"  {one_line(topic.name)}: {_first_image(reader, topic)}" for topic in topics]
 
 
 def _first_image(reader: BagReader, topic: Topic) -> str:
-    for message in itertools.islice(reader.messages([topic.name]), 1):
-        try:
-            return _picture(read_image(message.data, topic.msgtype))
-        except MessageError as error:
-            return _picture(error)
-    return "no images"
+    """The first image; of a coded video the first that can be decoded, as a recording may begin between key frames."""
+    messages = reader.messages([topic.name])
+    first = next(messages, None)
+    if first is None:
+        return "no images"
+    video = video_format(first.data, topic)
+    pictures = itertools.islice(pictures_of(itertools.chain([first], messages), topic), _MOST_LOST if video else 1)
+    lost: list[MessageError] = []
+    for picture in pictures:
+        if isinstance(picture.decoded, Frame):
+            return _picture(picture.decoded) + _coding(video, len(lost))
+        lost.append(picture.decoded)
+    return _picture(lost[0])
+
+
+def _coding(video: str, lost: int) -> str:
+    text = f", coded as {video}" if video else ""
+    return f"{text}, begins {lost} images before its first key frame" if lost else text
 
 
 def _extras(reader: BagReader) -> list[str]:
@@ -101,5 +116,5 @@ def _extras(reader: BagReader) -> list[str]:
 
 def _picture(decoded: Frame | MessageError) -> str:
     if isinstance(decoded, Frame):
-        return f"{decoded.size[0]}x{decoded.size[1]} {decoded.encoding}"
+        return decoded.kind
     return f"the first image cannot be decoded ({decoded})"

@@ -19,7 +19,7 @@ from stab_ros.core.settings import Checked, setting
 from stab_ros.io.bag import BagReader, Message, open_bag
 from stab_ros.io.cdr import SECOND_NS
 from stab_ros.io.diagnostics_message import OK
-from stab_ros.io.image_message import IMAGE_TYPES
+from stab_ros.io.image_topic import holds_images
 from stab_ros.io.topics import CLOCK_TOPIC
 from stab_ros.nodes import params
 from stab_ros.nodes.cdr_publisher import CdrPublisher
@@ -101,7 +101,7 @@ class BagPlayerNode(StabNode):
             raise InputError(f"{self.settings.bag}: no topic can be played, it must hold messages of installed types")
 
     def _wait_for_subscribers(self, bag: BagReader, spinner: Spinner) -> None:
-        images = [name for name in self._outputs if bag.topics[name].msgtype in IMAGE_TYPES]
+        images = [name for name in self._outputs if holds_images(bag.topics[name])]
         self._activity = f"waiting for {self.settings.wait_for_subscribers} subscribers"
         awaited = [self._outputs[name] for name in images or self._outputs]
         while not spinner.stopping:

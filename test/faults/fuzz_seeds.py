@@ -20,17 +20,43 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "helpers"))
 import cv2
 import numpy as np
 import tifffile
-from bag_makers import EXTRAS, FLIGHT, JAZZY, NOETIC, START_NS, STRING, by_mcap, ros1_messages, with_extras
+from bag_makers import (
+    EXTRAS,
+    FLIGHT,
+    JAZZY,
+    NOETIC,
+    START_NS,
+    STRING,
+    by_mcap,
+    by_mcap_ros1,
+    ros1_messages,
+    with_extras,
+)
+from coded_video import (
+    FFMPEG_PACKET,
+    STORE,
+    Packet,
+    compressed_video,
+    encoded_images,
+    ffmpeg_packet,
+    proto,
+    proto_time,
+)
 from mcap.writer import CompressionType
 from PIL import Image as Pillow
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from stab_ros.io.cdr import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE
+from stab_ros.io.coded_message import CDR_DEFINITIONS
 from stab_ros.io.encodings import DECODED
 
 _TIME = JAZZY.types["builtin_interfaces/msg/Time"](sec=1_700_000_000, nanosec=123)
 _HEADER = JAZZY.types["std_msgs/msg/Header"](stamp=_TIME, frame_id="cam")
+_RAW = "foxglove_msgs/msg/RawImage"
+_RAW_STORE: Any = get_typestore(Stores.ROS2_JAZZY)
+_RAW_STORE.register(get_types_from_msg(CDR_DEFINITIONS[_RAW], _RAW))
 _SIZE = (4, 6)  # height, width of the pictures
 
 
@@ -127,6 +153,37 @@ def compressed_tiff_and_webp() -> Iterator[bytes]:
     yield from map(_compressed, tiff_and_webp_files())
 
 
+def coded_messages() -> Iterator[bytes]:
+    """After the number of their type in CODED."""
+    packet, data = Packet(0, b"0123"), np.frombuffer(b"0123", np.uint8)
+    made = [compressed_video("h264")(packet, START_NS), compressed_video("png")(packet, START_NS),
+            bytes(_RAW_STORE.serialize_cdr(_RAW_STORE.types[_RAW](_TIME, "cam", 2, 2, "mono8", 2, data), _RAW)),
+            ffmpeg_packet("libx264")(packet, START_NS)]
+    made += [proto((1, proto_time(START_NS)), (2, b"cam"), (3, b"0123"), (4, b"h264")),
+             proto((1, proto_time(START_NS)), (4, b"cam"), (2, next(png_files())), (3, b"png")),
+             proto((1, proto_time(START_NS)), (2, 2), (3, 2), (4, b"mono8"), (5, 2), (6, b"0123"), (7, b"cam"))]
+    for number, message in enumerate(made):
+        yield bytes([number]) + message
+
+
+def definitions() -> Iterator[bytes]:
+    for text in CDR_DEFINITIONS.values():
+        yield text.encode()
+    yield STORE.generate_msgdef(FFMPEG_PACKET, ros_version=2)[0].encode()
+
+
+def coded_videos() -> Iterator[bytes]:
+    """After the number of their format in VIDEO."""
+    rng = np.random.default_rng(1)
+    picture = rng.integers(0, 255, (60, 84, 3), np.uint8)
+    shown = [np.ascontiguousarray(picture[i : i + 48, i : i + 64]) for i in range(7)]
+    for number, encoder, options in (
+            (0, "libx264", {}), (0, "libx264", {"bf": "2", "preset": "medium"}), (1, "libx265", {}),
+            (2, "libvpx-vp9", {}), (3, "libsvtav1", {})):
+        yield bytes([number]) + b"".join(len(packet.data).to_bytes(2, "little") + packet.data
+                                         for packet in encoded_images(shown, encoder, **options))
+
+
 def camera_infos() -> Iterator[bytes]:
     """Cameras and, as P makes them such, homographies."""
     roi = JAZZY.types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
@@ -164,6 +221,10 @@ def mcap_files() -> Iterator[bytes]:
     with TemporaryDirectory() as folder:
         plain = by_mcap(Path(folder) / "a.mcap", short[:2])
         yield _written("a.mcap", lambda path: with_extras(plain, path, EXTRAS[:3], enable_crcs=False))
+
+
+def ros1_mcap_files() -> Iterator[bytes]:
+    yield _written("a.mcap", partial(by_mcap_ros1, chunk_size=120, enable_crcs=False))
 
 
 def db3_files() -> Iterator[bytes]:
@@ -237,6 +298,7 @@ def _videos(*names: str) -> Iterator[bytes]:
 SEEDS: dict[str, Callable[[], Iterator[bytes]]] = {
     "image": images, "stamp": images, "compressed": compressed_images, "tiff_webp": compressed_tiff_and_webp,
     "compressed_depth": compressed_depths, "png_with_crc": png_files, "jpeg": jpeg_files,
+    "coded": coded_messages, "definition": definitions, "coded_video": coded_videos, "ros1_mcap": ros1_mcap_files,
     "camera": camera_infos, "homography": camera_infos, "mcap": mcap_files, "db3": db3_files, "bag": bag_files,
     "tiff": tiff_files, "photo": photos,
     "metadata": metadata_files, "points": points_tables, "point_list": point_lists, "polygons": polygons,

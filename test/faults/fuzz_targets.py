@@ -16,19 +16,22 @@ import numpy as np
 
 from stab_ros.core.types import Frame
 from stab_ros.imaging.window import Window
-from stab_ros.io.bag import open_bag
+from stab_ros.io.bag import Message, Topic, open_bag
 from stab_ros.io.camera_message import read_camera
-from stab_ros.io.cdr import COMPRESSED_IMAGE, IMAGE, read_stamp
+from stab_ros.io.cdr import COMPRESSED_IMAGE, IMAGE, Header, read_stamp
+from stab_ros.io.coded_message import CDR_DEFINITIONS, FFMPEG_PACKET, PROTOBUF_FIELDS, CodedImage
 from stab_ros.io.homographies import read_homographies
 from stab_ros.io.homography_message import read_homography
 from stab_ros.io.image_message import read_image
 from stab_ros.io.image_metadata import TURNS, UPRIGHT, read_metadata
+from stab_ros.io.image_topic import read_content, stamp_of
 from stab_ros.io.points import read_points, read_tracking_points
 from stab_ros.io.regions import read_area
 from stab_ros.io.static_maps import read_static_map
 from stab_ros.io.stored_image import stored_images
 from stab_ros.io.tiff_pages import DamagedTiffError
 from stab_ros.io.video import VideoFile
+from stab_ros.io.video_pictures import VideoPictures
 from stab_ros.parameters.file import read_config
 
 Read = Callable[[bytes], object]
@@ -36,7 +39,7 @@ Read = Callable[[bytes], object]
 
 @dataclass(frozen=True)
 class Target:
-    """share: of all inputs, in thousandths. tokens: words of a text format."""
+    """share: of all inputs, relative to those of the others. tokens: words of a text format."""
 
     read: Read
     share: int
@@ -53,6 +56,36 @@ def _image(msgtype: str) -> Read:
         float(frame.image.sum(dtype=np.float64))  # every byte can be read
 
     return read
+
+
+CODED = (*((name, "cdr") for name in CDR_DEFINITIONS), *((name, "protobuf") for name in PROTOBUF_FIELDS))
+VIDEO = ("h264", "h265", "vp9", "av1")
+
+
+def _coded(data: bytes) -> None:
+    """A byte that chooses the type, and a message."""
+    msgtype, encoding = CODED[data[0] % len(CODED) if data else 0]
+    topic = Topic("/a", msgtype, 1, "", encoding=encoding, schema_encoding="")
+    stamp_of(data[1:], topic)
+    read_content(data[1:], topic)
+
+
+def _definition(data: bytes) -> None:
+    """A definition that does not fit its messages."""
+    read_content(b"\0\1\0\0" + bytes(60), Topic("/a", FFMPEG_PACKET, 1, data.decode(errors="surrogateescape")))
+
+
+def _coded_video(data: bytes) -> None:
+    """A byte that chooses the format, and packets, each after two bytes that give its length."""
+    video_format, at, sent = VIDEO[data[0] % len(VIDEO) if data else 0], 1, 0
+    video, stamps_ns = VideoPictures(), []
+    while at < len(data):
+        end = at + 2 + int.from_bytes(data[at : at + 2], "little")
+        packet = CodedImage(Header(sent), video_format, np.frombuffer(data[at + 2 : end], np.uint8))
+        stamps_ns += [picture.stamp_ns for picture in video.take(Message("/a", sent, sent, b""), packet)]
+        at, sent = end, sent + 1
+    stamps_ns += [picture.stamp_ns for picture in video.finish()]
+    assert sorted(stamps_ns) == list(range(sent))
 
 
 def _png_with_crc(data: bytes) -> None:
@@ -147,10 +180,15 @@ TARGETS: dict[str, Target] = {
     "photo": Target(_file("input.jpg", _metadata), 20),
     "mask": Target(_file("mask.png", lambda path: read_area({"exclude": path})), 20),
     "static_map": Target(_file("map.png", lambda path: read_static_map({"static_map": path})), 20),
+    "coded": Target(_coded, 40),
+    "definition": Target(_definition, 5, (b"uint8", b"[]", b"[<=", b"]", b" ", b"\n", b"=", b"std_msgs/Header", b"#",
+                                           b"MSG: ", b"=" * 80, b"wstring", b"string<=", b"99999999999", b"/")),
+    "coded_video": Target(_coded_video, 30),
     "camera": Target(read_camera, 90),
     "homography": Target(read_homography, 70),
     "stamp": Target(read_stamp, 40),
     "mcap": Target(_file("input.mcap", _bag), 180),
+    "ros1_mcap": Target(_file("input.mcap", _bag), 5),
     "db3": Target(_file("input.db3", _bag), 30),
     "bag": Target(_file("input.bag", _bag), 30),
     "mp4": Target(_file("input.mp4", _video), 10),

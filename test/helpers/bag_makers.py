@@ -10,6 +10,7 @@ from mcap.reader import make_reader
 from mcap.records import Attachment, Metadata
 from mcap.writer import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.msg import denormalize_msgtype
 
 from stab_ros.io.bag import BagWriter, Message, Topic, open_bag, topic_of
 from stab_ros.io.cdr import CAMERA_INFO, IMAGE, Header
@@ -146,3 +147,23 @@ def ros1_messages() -> list[tuple[str, str, object]]:
             header, 2, 3, "plumb_bob", np.arange(5.0), np.arange(9.0), np.arange(9.0), np.arange(12.0), 0, 0, roi)),
         ("/gauge", CUSTOM, NOETIC.types[CUSTOM](header, 1.25, ["low", "murky"])),
     ]
+
+
+def by_mcap_ros1(path: Path, spoil: bytes = b"", definition: bytes = b"", **options: Any) -> Path:
+    """As `mcap convert` makes it of a ROS 1 bag. spoil: a message of each topic after the good one.
+
+    definition: in place of the right ones.
+    """
+    with path.open("wb") as file:
+        writer = Writer(file, **options)
+        writer.start(profile="ros1", library="test")
+        for number, (topic, msgtype, message) in enumerate(ros1_messages()):
+            text = definition or NOETIC.generate_msgdef(msgtype, ros_version=1)[0].encode()
+            schema = writer.register_schema(denormalize_msgtype(msgtype), "ros1msg", text)
+            channel = writer.register_channel(topic, "ros1", schema)
+            data = bytes(NOETIC.serialize_ros1(message, msgtype))
+            writer.add_message(channel, START_NS + number, data, START_NS + number)
+            if spoil:
+                writer.add_message(channel, START_NS + 10 + number, spoil, START_NS + 10 + number)
+        writer.finish()
+    return path

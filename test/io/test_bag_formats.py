@@ -17,6 +17,7 @@ from bag_makers import (
     STRING,
     TOPICS,
     by_mcap,
+    by_mcap_ros1,
     read,
     ros1_messages,
     text_cdr,
@@ -94,7 +95,46 @@ def test_ros1_bag_comes_in_as_ros2(tmp_path: Path, compression: Writer1.Compress
         for number, (topic, msgtype, message) in enumerate(ros1_messages()):
             connection = writer.add_connection(topic, msgtype, typestore=NOETIC, latching=1)
             writer.write(connection, START_NS + number, NOETIC.serialize_ros1(message, msgtype))
-    found = read(tmp_path / "a.bag")
+    check_ros1(tmp_path / "a.bag")
+    assert "durability: 1" in read(tmp_path / "a.bag").topics["/gauge"].qos  # latched
+
+
+def test_ros1_in_an_mcap_comes_in_as_ros2(tmp_path: Path, command: Command) -> None:
+    path = by_mcap_ros1(tmp_path / "a.mcap")
+    check_ros1(path)
+    assert command("convert", path, tmp_path / "ros2.mcap").returncode == 0
+    check_ros1(tmp_path / "ros2.mcap")
+    with (tmp_path / "ros2.mcap").open("rb") as file:
+        kinds = {(schema.name, schema.encoding, channel.message_encoding)
+                 for schema, channel, _ in make_reader(file).iter_messages() if schema}
+    assert kinds == {(msgtype, "ros2msg", "cdr") for _, msgtype, _ in ros1_messages()}
+
+
+def test_damage_in_an_mcap_of_ros1(tmp_path: Path) -> None:
+    found = read(by_mcap_ros1(tmp_path / "a.mcap", spoil=b"\xff\xff\xff\xff"))
+    assert len(found.messages) == 3
+    assert len(found.warnings) == 3
+    assert all("is damaged" in line and "it is left out" in line for line in found.warnings)
+    undefined = read(by_mcap_ros1(tmp_path / "b.mcap", definition=b"float64[ x"))
+    assert not undefined.messages
+    assert len(undefined.warnings) == 3
+    assert all("definition cannot be read" in line for line in undefined.warnings)
+
+
+def test_recover_keeps_messages_of_ros1_byte_for_byte(tmp_path: Path, command: Command) -> None:
+    path = by_mcap_ros1(tmp_path / "a.mcap")
+    assert command("recover", path, tmp_path / "b.mcap").returncode == 0
+    found = []
+    for name in ("a.mcap", "b.mcap"):
+        with (tmp_path / name).open("rb") as file:
+            found.append([message.data for _, _, message in make_reader(file).iter_messages()])
+    assert found[0] == found[1]
+    check_ros1(tmp_path / "b.mcap")
+
+
+def check_ros1(path: Path) -> None:
+    """It holds `ros1_messages`, in CDR."""
+    found = read(path)
     assert not found.warnings
     assert [(m.topic, m.log_time_ns) for m in found.messages] == [
         ("/cam/image_raw", START_NS), ("/cam/camera_info", START_NS + 1), ("/gauge", START_NS + 2)]
@@ -103,7 +143,6 @@ def test_ros1_bag_comes_in_as_ros2(tmp_path: Path, compression: Writer1.Compress
     camera_info = deserialize_message(found.messages[1].data, CameraInfo)
     assert (list(camera_info.d), list(camera_info.p)) == (list(range(5)), list(range(12)))
     assert found.topics["/cam/camera_info"].definition == definition_of(CAMERA_INFO)
-    assert "durability: 1" in found.topics["/gauge"].qos  # latched
     store: Any = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(found.topics["/gauge"].definition, CUSTOM))
     gauge = store.deserialize_cdr(found.messages[2].data, CUSTOM)
