@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import statistics
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from stab_ros.core.errors import InputError, MessageError
@@ -15,7 +15,9 @@ from stab_ros.io.camera_message import read_camera
 from stab_ros.io.cdr import CAMERA_INFO, COMPRESSED_IMAGE, read_stamp
 from stab_ros.io.frame_reader import DEFAULT_FPS, MAX_FPS, Decoded
 from stab_ros.io.image_message import IMAGE_TYPES, read_image
-from stab_ros.io.picture import Picture, limited, only_pictures, readable
+from stab_ros.io.picture import Clock, Picture, only_pictures, readable
+from stab_ros.io.stamp_check import StampCheck
+from stab_ros.io.stamp_order import StampOrder
 from stab_ros.io.topics import (
     CAMERA_INFO_TOPIC,
     DEBUG_IMAGE_TOPIC,
@@ -28,13 +30,18 @@ from stab_ros.io.topics import (
 REFERENCE_IMAGE, STATIC_MAP = topic_in("", REFERENCE_IMAGE_TOPIC), topic_in("", STATIC_MAP_TOPIC)
 SINGLE_IMAGES = (REFERENCE_IMAGE, STATIC_MAP, topic_in("", DEBUG_IMAGE_TOPIC))
 _RATE_FRAMES = 30
+_SORTED = (*IMAGE_TYPES, CAMERA_INFO)  # video, each frame of which needs the one before, must stay as it was logged
+_BY_LOG = "all that depends on time goes by the header stamps, give --time log to go by the log"
 
 
 class BagSource:
     """A bag: its image topic decoded, all other messages as they were recorded."""
 
-    def __init__(self, path: Path, reader: BagReader, image_topic: str | None) -> None:
+    def __init__(self, path: Path, reader: BagReader, image_topic: str | None, clock: Clock = Clock.HEADER) -> None:
+        """clock: the times that images are stamped with."""
         self.name = str(path)
+        self.clock = clock
+        self._faults: list[str] = []  # of the header stamps
         self.topics = reader.topics
         self.image_topic = _choose_topic(self.name, reader.topics, image_topic)
         self.count: int | None = reader.topics[self.image_topic].count
@@ -42,19 +49,23 @@ class BagSource:
 
     @property
     def warnings(self) -> list[str]:
-        return self._reader.warnings
+        return [*self._reader.warnings, *self._faults]
 
     def items(self, limit: int | None = None, others: Collection[str] | None = None) -> Iterator[Picture | Message]:
         wanted = None if others is None else {self.image_topic, *others}
-        return readable(self.name, self.image_topic, limited(map(self._item, self._reader.messages(wanted)), limit))
+        return readable(self.name, self.image_topic, self._in_time(self._reader.messages(wanted), others or (), limit))
 
     def frames(self, limit: int | None = None) -> Iterator[Picture]:
-        pictures = map(self._picture, self._reader.messages([self.image_topic]))
-        return only_pictures(readable(self.name, self.image_topic, limited(pictures, limit)))
+        return only_pictures(self.items(limit, ()))
 
     def rate_hz(self) -> float:
         messages = itertools.islice(self._reader.messages([self.image_topic]), _RATE_FRAMES)
-        return _rate_hz([_stamp_of(message) for message in messages])
+        by_log = self.clock is Clock.LOG
+        return _rate_hz([message.log_time_ns if by_log else _stamp_of(message) for message in messages])
+
+    def logged(self) -> Iterator[tuple[int, int]]:
+        """Header stamp and log time of each image, ns."""
+        return ((_stamp_of(message), message.log_time_ns) for message in self._reader.messages([self.image_topic]))
 
     def camera(self) -> Camera:
         name = topic_in(namespace_of(self.topics[self.image_topic]), CAMERA_INFO_TOPIC)
@@ -77,6 +88,35 @@ class BagSource:
             raise InputError("{}: {} is for {}x{} px, the images of {} have {}x{}; it must be of the same size".format(
                 self.name, name, *camera.size, self.image_topic, *size))
         return camera
+
+    def _in_time(self, messages: Iterable[Message], others: Collection[str],
+                 limit: int | None) -> Iterator[Picture | Message]:
+        """The items up to the limit, stamped by the clock and in its order.
+
+        others: topics to be sorted beside the images. At the end it is known whether the header stamps are fit.
+        """
+        check, by_log = StampCheck(), self.clock is Clock.LOG
+        sortable = [name for name in (self.image_topic, *others) if self.topics[name].msgtype in _SORTED]
+        order = StampOrder([] if by_log else sortable)
+        for item in map(self._item, order.sorted(self._first(messages, limit))):
+            if isinstance(item, Picture):
+                check.add(item.stamp_ns, item.publish_time_ns, item.log_time_ns)
+            yield item.stamped_as_logged() if by_log and isinstance(item, Picture) else item
+        self._faults = [] if by_log else self._told(check.fault(), order.late.get(self.image_topic, 0))
+
+    def _first(self, messages: Iterable[Message], limit: int | None) -> Iterator[Message]:
+        """The messages up to and without image number `limit`."""
+        images = 0
+        for message in messages:
+            images += message.topic == self.image_topic
+            if limit is not None and images > limit:
+                return
+            yield message
+
+    def _told(self, fault: str, late: int) -> list[str]:
+        told = [f"{self.name}: {self.image_topic}: {fault}; {_BY_LOG}"] if fault else []
+        return [*told, f"{self.name}: {late} images of {self.image_topic} were logged out of order, they are taken in "
+                "the order of their header stamps"] if late else told
 
     def _item(self, message: Message) -> Picture | Message:
         return self._picture(message) if message.topic == self.image_topic else message

@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import Enum
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import Message
+from stab_ros.io.cdr import restamped
 from stab_ros.io.frame_reader import Decoded
+
+
+class Clock(Enum):
+    """What images are stamped with: their header stamps, or the times at which they were logged."""
+
+    HEADER = "header"
+    LOG = "log"
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +37,14 @@ class Picture:
     stamp_ns: int
     decoded: Decoded
     data: bytes | None = None
+
+    def stamped_as_logged(self) -> Picture:
+        """The same image, whose header stamp is the log time, in its message too."""
+        decoded, data, log_ns = self.decoded, self.data, self.log_time_ns
+        if isinstance(decoded, Frame):
+            decoded = replace(decoded, stamp_ns=log_ns)
+            data = data and restamped(data, log_ns)
+        return replace(self, stamp_ns=log_ns, decoded=decoded, data=data)
 
 
 def limited(items: Iterable[Picture | Message], limit: int | None) -> Iterator[Picture | Message]:

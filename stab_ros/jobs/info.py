@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import itertools
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
 from stab_ros.core.errors import MessageError
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import BagReader, Topic, open_bag
+from stab_ros.io.cdr import read_stamp
 from stab_ros.io.image_message import read_image
 from stab_ros.io.source import IMAGE_TYPES, Kind, kind_of, open_source
+from stab_ros.io.stamp_check import StampCheck
+
+_CHECKED_STAMPS = 50  # images, which are read whole
 
 
 def describe(path: Path) -> tuple[list[str], list[str]]:
@@ -22,7 +27,8 @@ def describe(path: Path) -> tuple[list[str], list[str]]:
     if kind_of(path) is not Kind.BAG:
         return _describe_pictures(path)
     with open_bag(path) as reader:
-        return [f"{path}: {_span(reader)}", *_table(reader), *_images(reader)], reader.warnings
+        lines, faults = [f"{path}: {_span(reader)}", *_table(reader), *_images(reader)], _stamp_faults(path, reader)
+        return lines, [*reader.warnings, *faults]
 
 
 def _describe_pictures(path: Path) -> tuple[list[str], list[str]]:
@@ -55,8 +61,11 @@ def _table(reader: BagReader) -> list[str]:
 
 
 def _images(reader: BagReader) -> list[str]:
-    topics = [topic for topic in reader.topics.values() if topic.msgtype in IMAGE_TYPES]
-    return [f"  {topic.name}: {_first_image(reader, topic)}" for topic in sorted(topics, key=lambda topic: topic.name)]
+    return [f"  {name}: {_first_image(reader, reader.topics[name])}" for name in _image_topics(reader)]
+
+
+def _image_topics(reader: BagReader) -> list[str]:
+    return sorted(topic.name for topic in reader.topics.values() if topic.msgtype in IMAGE_TYPES)
 
 
 def _first_image(reader: BagReader, topic: Topic) -> str:
@@ -66,6 +75,20 @@ def _first_image(reader: BagReader, topic: Topic) -> str:
         except MessageError as error:
             return _picture(error)
     return "no images"
+
+
+def _stamp_faults(path: Path, reader: BagReader) -> list[str]:
+    """What is wrong with the header stamps of the first images of each topic."""
+    faults = {name: _stamp_fault(reader, name) for name in _image_topics(reader)}
+    return [f"{path}: {name}: {fault}" for name, fault in faults.items() if fault]
+
+
+def _stamp_fault(reader: BagReader, topic: str) -> str:
+    check = StampCheck()
+    for message in itertools.islice(reader.messages([topic]), _CHECKED_STAMPS):
+        with suppress(MessageError):
+            check.add(read_stamp(message.data), message.publish_time_ns, message.log_time_ns)
+    return check.fault()
 
 
 def _picture(decoded: Frame | MessageError) -> str:
