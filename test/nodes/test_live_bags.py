@@ -9,6 +9,7 @@ from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
+import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Point, Pose, PoseStamped
 from live_graph import Graph, image_message, stamp_ns, values_of
@@ -16,6 +17,7 @@ from mcap.reader import make_reader
 from nav_msgs.msg import Goals
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.time import Time
 from recordings import FRAME_ID, IMAGE_TOPIC, OTHER_TOPIC
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2
@@ -99,6 +101,27 @@ def test_player_loops_from_its_offset_and_tells_the_time(graph: Graph, tmp_path:
     told_ns = [one.clock.sec * 10**9 + one.clock.nanosec for one in clock]
     assert all(1_500_000_000 <= time_ns <= 1_900_000_000 for time_ns in told_ns)
     assert 1_900_000_000 in told_ns
+
+
+@pytest.mark.parametrize("clock", [True, False])
+def test_there_is_one_clock_though_the_bag_holds_another(clock: bool, graph: Graph, tmp_path: Path) -> None:
+    bag, recorded_ns = tmp_path / "bag.mcap", 77 * 10**9
+    told = Clock(clock=Time(nanoseconds=recorded_ns).to_msg())
+    with BagWriter(bag) as writer:
+        writer.add_topic(topic_of("/clock", "rosgraph_msgs/msg/Clock"))
+        writer.add_topic(topic_of("/said", STRING))
+        for number in range(5):
+            time_ns = 10**9 + number * 10_000_000
+            writer.write("/clock", time_ns, time_ns, serialize_message(told))
+            writer.write("/said", time_ns, time_ns, serialize_message(String(data=str(number))))
+    heard, times = graph.listen(String, "/said", KEEP_ALL), graph.listen(Clock, "/clock", KEEP_ALL)
+    player = graph.start("bag_player_node", bag=str(bag), clock=clock, wait_for_subscribers=2 - clock, rate=0.5)
+    graph.until(lambda: len(heard) == 5 and times, "all messages")
+    assert player.wait() == 0
+    told_ns = {one.clock.sec * 10**9 + one.clock.nanosec for one in times}
+    assert (recorded_ns in told_ns) == (not clock)
+    assert (told_ns == {recorded_ns}) == (not clock)
+    assert ("/clock of the recording is left out" in player.log) == clock
 
 
 def test_player_leaves_out_what_it_has_no_type_for(graph: Graph, tmp_path: Path) -> None:
