@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from stab_ros.core.errors import InputError
+from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import Message
 from stab_ros.io.cdr import restamped
@@ -39,12 +39,19 @@ class Picture:
     data: bytes | None = None
 
     def stamped_as_logged(self) -> Picture:
-        """The same image, whose header stamp is the log time, in its message too."""
-        decoded, data, log_ns = self.decoded, self.data, self.log_time_ns
-        if isinstance(decoded, Frame):
-            decoded = replace(decoded, stamp_ns=log_ns)
-            data = data and restamped(data, log_ns)
-        return replace(self, stamp_ns=log_ns, decoded=decoded, data=data)
+        """Takes the log time for the header stamp.
+
+        Returns:
+            The same image with the new stamp, in its message too.
+        """
+        log_ns = self.log_time_ns
+        if isinstance(self.decoded, MessageError):
+            return replace(self, stamp_ns=log_ns)
+        try:
+            data = self.data and restamped(self.data, log_ns)
+        except MessageError as error:  # the log time fits no stamp
+            return replace(self, stamp_ns=log_ns, decoded=error)
+        return replace(self, stamp_ns=log_ns, decoded=replace(self.decoded, stamp_ns=log_ns), data=data)
 
 
 def limited(items: Iterable[Picture | Message], limit: int | None) -> Iterator[Picture | Message]:
