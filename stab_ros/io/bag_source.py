@@ -96,7 +96,8 @@ class BagSource:
         others: topics to be sorted beside the images. At the end it is known whether the header stamps are fit.
         """
         check, by_log = StampCheck(), self.clock is Clock.LOG
-        sortable = [name for name in (self.image_topic, *others) if self.topics[name].msgtype in _SORTED]
+        named = (self.image_topic, *others)
+        sortable = [name for name, topic in self.topics.items() if name in named and topic.msgtype in _SORTED]
         order = StampOrder([] if by_log else sortable)
         for item in map(self._item, order.sorted(self._first(messages, limit))):
             if isinstance(item, Picture):
