@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from stab_ros.io.homographies import HomographyRow, HomographyWriter, read_homographies
     from stab_ros.io.points import read_points
     from stab_ros.io.regions import read_area
-    from stab_ros.io.source import Picture, Source, open_source
+    from stab_ros.io.source import Clock, Picture, Source, open_source
     from stab_ros.io.static_maps import read_static_map
     from stab_ros.parameters.engines import make_evaluator, make_stabilizer
     from stab_ros.parameters.file import read_config
@@ -36,6 +36,7 @@ __all__ = [
     "Area",
     "Arrival",
     "Camera",
+    "Clock",
     "ConfigError",
     "Evaluator",
     "EvaluatorConfig",
@@ -86,7 +87,7 @@ _NAMES = {
     "io.homographies": ("HomographyRow", "HomographyWriter", "read_homographies"),
     "io.points": ("read_points",),
     "io.regions": ("read_area",),
-    "io.source": ("Picture", "Source", "open_source"),
+    "io.source": ("Clock", "Picture", "Source", "open_source"),
     "io.static_maps": ("read_static_map",),
     "parameters.engines": ("make_evaluator", "make_stabilizer"),
     "parameters.file": ("read_config",),

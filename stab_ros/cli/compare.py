@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stab_ros.cli.console import DONE, progress_bar, quiet_libraries, tell_made, warn
-from stab_ros.cli.options import INPUT, add_force, assignment, command, names, positive_float, positive_int
+from stab_ros.cli.options import INPUT, add_force, add_time, assignment, command, names, positive_float, positive_int
 from stab_ros.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,12 +36,14 @@ def add(commands: Any) -> None:
                         help="a parameter of all trackers, or of the evaluator; may be repeated, overrides --config")
     parser.add_argument("--limit", type=positive_int, metavar="N", help="stop after N frames")
     parser.add_argument("--fps", type=positive_float, metavar="F", help="frame rate of a video or folder")
+    add_time(parser)
     add_force(parser)
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Runs the command and returns its exit code."""
+    from stab_ros.io.picture import Clock
     from stab_ros.jobs.compare import ComparisonJob, checked_methods, shared_values
     from stab_ros.jobs.compare_study import study_method
     from stab_ros.jobs.result_outputs import ResultOutputs
@@ -54,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
     values, judging = shared_values({**given, **parameters})
     judging |= {"points_file": str(options.points)} if options.points else {}
     job = ComparisonJob(options.input, methods, values, judging, options.truth, options.image_topic, options.limit,
-                        options.fps)
+                        options.fps, Clock(options.time))
     outputs = ResultOutputs(options.json, options.csv, options.report)
     outputs.check(job.source, options.force)
     if options.study:

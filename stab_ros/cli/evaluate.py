@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from stab_ros.cli.console import DONE, progress_bar, quiet_libraries, tell_made, warn
-from stab_ros.cli.options import INPUT, add_force, assignment, command, positive_float, positive_int
+from stab_ros.cli.options import INPUT, add_force, add_time, assignment, command, positive_float, positive_int
 
 
 def add(commands: Any) -> None:
@@ -28,12 +28,14 @@ def add(commands: Any) -> None:
     parser.add_argument("--limit", type=positive_int, metavar="N", help="stop after N frames")
     parser.add_argument("--fps", type=positive_float, metavar="F", help="frame rate of a video or folder, and for "
                         "velocities (default: the file's or the stamps')")
+    add_time(parser)
     add_force(parser)
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Runs the command and returns its exit code."""
+    from stab_ros.io.picture import Clock
     from stab_ros.jobs.compiling import compile_shown
     from stab_ros.jobs.evaluate import EvaluationJob, evaluate
     from stab_ros.jobs.evaluate_outputs import writers_of
@@ -45,7 +47,8 @@ def run(options: argparse.Namespace) -> int:
     values = read_config(options.config, EVALUATOR) if options.config else {}
     values |= checked_values(dict(options.parameters), EVALUATOR_PARAMETERS)
     values |= {"points_file": str(options.points)} if options.points else {}
-    job = EvaluationJob(options.bag, values, tuple(options.image_topics), options.limit, options.fps)
+    job = EvaluationJob(options.bag, values, tuple(options.image_topics), options.limit, options.fps,
+                        Clock(options.time))
     outputs = ResultOutputs(options.json, options.csv, options.report)
     outputs.check(job.source, options.force)
     with quiet_libraries(), progress_bar("frames") as progress:

@@ -32,6 +32,13 @@ def add_force(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--force", action="store_true", help="overwrite output that exists")
 
 
+def add_time(parser: argparse.ArgumentParser) -> None:
+    """The option --time."""
+    parser.add_argument("--time", choices=("header", "log"), default="header",
+                        help="the time of an image of a bag: its header stamp (default), or when it was logged; it "
+                        "takes the place of the stamp in all that is written of the image")
+
+
 def positive_int(text: str) -> int:
     """For argparse: an integer above 0."""
     if not text.isdecimal() or int(text) == 0:

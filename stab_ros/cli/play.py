@@ -19,7 +19,8 @@ def add(commands: Any) -> None:
     parser.add_argument("--rate", type=positive_float, metavar="R", help="times real time (default: 1)")
     parser.add_argument("--loop", action="store_true", default=None, help="start again at the end")
     parser.add_argument("--start-offset", type=seconds, metavar="S", help="skip the first S seconds")
-    parser.add_argument("--clock", action="store_true", default=None, help="publish /clock")
+    parser.add_argument("--clock", action="store_true", default=None, help="publish /clock, from the log times; "
+                        "a /clock in the bag is left out then, as ros2 bag does")
     parser.add_argument("--wait-for-subscribers", type=positive_int, metavar="N",
                         help="begin once the image topics (without any: all topics) have N subscribers in total")
     parser.set_defaults(run=run)

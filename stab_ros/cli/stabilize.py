@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from stab_ros.cli.console import DONE, note, progress_bar, quiet_libraries, warn
-from stab_ros.cli.options import INPUT, add_force, assignment, command, positive_float, positive_int
+from stab_ros.cli.options import INPUT, add_force, add_time, assignment, command, positive_float, positive_int
 
 
 def add(commands: Any) -> None:
@@ -28,6 +28,7 @@ def add(commands: Any) -> None:
     parser.add_argument("--limit", type=positive_int, metavar="N", help="stop after N frames")
     parser.add_argument("--fps", type=positive_float, metavar="F",
                         help="frame rate of a video or folder (default: the file's, else 25), and of --video")
+    add_time(parser)
     add_force(parser)
     parser.set_defaults(run=run)
 
@@ -35,6 +36,7 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Runs the command and returns its exit code."""
     from stab_ros.io.advice import by_reason
+    from stab_ros.io.picture import Clock
     from stab_ros.jobs.compiling import compile_shown
     from stab_ros.jobs.stabilize import Job, stabilize
     from stab_ros.parameters.file import read_config
@@ -43,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     values = read_config(options.config) if options.config else {}
     values |= checked_values(dict(options.parameters))
     job = Job(options.input, options.output, values, options.image_topic, options.homographies, options.video,
-              not options.no_image, options.keep_raw, options.limit, options.fps, options.force)
+              not options.no_image, options.keep_raw, options.limit, options.fps, options.force, Clock(options.time))
     with quiet_libraries(), progress_bar("frames") as progress:
         summary = stabilize(job, progress, compile_shown)
     note(summary.notes)

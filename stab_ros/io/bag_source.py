@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import statistics
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from stab_ros.core.errors import InputError
@@ -12,11 +12,14 @@ from stab_ros.core.types import Frame
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.bag import BagReader, Extra, Message, Topic
 from stab_ros.io.camera_message import read_camera
-from stab_ros.io.cdr import CAMERA_INFO
+from stab_ros.io.cdr import CAMERA_INFO, COMPRESSED_IMAGE
 from stab_ros.io.frame_reader import DEFAULT_FPS, MAX_FPS
-from stab_ros.io.image_topic import holds_images, namespace_of, no_images, stamp_of
-from stab_ros.io.picture import Picture, limited, only_pictures, readable
+from stab_ros.io.image_message import IMAGE_TYPES
+from stab_ros.io.image_topic import holds_images, namespace_of, no_images, stamp_of, video_format
+from stab_ros.io.picture import Clock, Picture, only_pictures, readable
 from stab_ros.io.picture_reader import with_pictures
+from stab_ros.io.stamp_check import StampCheck
+from stab_ros.io.stamp_order import StampOrder
 from stab_ros.io.topics import (
     CAMERA_INFO_TOPIC,
     DEBUG_IMAGE_TOPIC,
@@ -29,13 +32,18 @@ from stab_ros.io.topics import (
 REFERENCE_IMAGE, STATIC_MAP = topic_in("", REFERENCE_IMAGE_TOPIC), topic_in("", STATIC_MAP_TOPIC)
 SINGLE_IMAGES = (REFERENCE_IMAGE, STATIC_MAP, topic_in("", DEBUG_IMAGE_TOPIC))
 _RATE_FRAMES = 30
+_SORTED = (*IMAGE_TYPES, CAMERA_INFO)
+_BY_LOG = "all that depends on time goes by the header stamps, give --time log to go by the log"
 
 
 class BagSource:
     """A bag: its image topic decoded, all other messages as they were recorded."""
 
-    def __init__(self, path: Path, reader: BagReader, image_topic: str | None) -> None:
+    def __init__(self, path: Path, reader: BagReader, image_topic: str | None, clock: Clock = Clock.HEADER) -> None:
+        """clock: the times that images are stamped with."""
         self.name = str(path)
+        self.clock = clock
+        self._faults: list[str] = []  # of the header stamps
         self.topics = reader.topics
         self.image_topic = _choose_topic(self.name, reader.topics, image_topic)
         self.count: int | None = reader.topics[self.image_topic].count
@@ -43,12 +51,11 @@ class BagSource:
 
     @property
     def warnings(self) -> list[str]:
-        return self._reader.warnings
+        return [*self._reader.warnings, *self._faults]
 
     def items(self, limit: int | None = None, others: Collection[str] | None = None) -> Iterator[Picture | Message]:
         wanted = None if others is None else {self.image_topic, *others}
-        items = with_pictures(self._reader.messages(wanted), self.topics[self.image_topic])
-        return readable(self.name, self.image_topic, limited(items, limit))
+        return readable(self.name, self.image_topic, self._in_time(self._reader.messages(wanted), others or (), limit))
 
     def frames(self, limit: int | None = None) -> Iterator[Picture]:
         return only_pictures(self.items(limit, ()))
@@ -57,10 +64,17 @@ class BagSource:
         return self._reader.extras()
 
     def rate_hz(self) -> float:
-        messages = itertools.islice(self._reader.messages([self.image_topic]), _RATE_FRAMES)
+        by_log = self.clock is Clock.LOG
+        times_ns = (logged_ns if by_log else stamp_ns for stamp_ns, logged_ns in self.logged())
+        return _rate_hz(sorted(itertools.islice(times_ns, _RATE_FRAMES)))  # B-frames come later
+
+    def logged(self) -> Iterator[tuple[int, int]]:
+        """Header stamp and log time of each image that has a stamp, ns."""
         topic = self.topics[self.image_topic]
-        stamps_ns = [stamp_of(message.data, topic) for message in messages]
-        return _rate_hz(sorted(stamp_ns for stamp_ns in stamps_ns if stamp_ns is not None))  # B-frames come later
+        for message in self._reader.messages([topic.name]):
+            stamp_ns = stamp_of(message.data, topic)
+            if stamp_ns is not None:
+                yield stamp_ns, message.log_time_ns
 
     def camera(self) -> Camera:
         name = topic_in(namespace_of(self.topics[self.image_topic]), CAMERA_INFO_TOPIC)
@@ -83,6 +97,43 @@ class BagSource:
             raise InputError("{}: {} is for {}x{} px, the images of {} have {}x{}; it must be of the same size".format(
                 self.name, name, *camera.size, self.image_topic, *size))
         return camera
+
+    def _in_time(self, messages: Iterable[Message], others: Collection[str],
+                  limit: int | None) -> Iterator[Picture | Message]:
+        """The items up to the limit, stamped by the clock and in its order.
+
+        others: topics to be sorted beside the images. At the end it is known whether the header stamps are fit.
+        """
+        check, by_log = StampCheck(), self.clock is Clock.LOG
+        order = StampOrder([] if by_log else [name for name in (self.image_topic, *others) if self._can_sort(name)])
+        in_order = order.sorted(self._first(messages, limit))
+        for item in with_pictures(in_order, self.topics[self.image_topic]):
+            if isinstance(item, Picture):
+                check.add(item.stamp_ns, item.publish_time_ns, item.log_time_ns)
+            yield item.stamped_as_logged() if by_log and isinstance(item, Picture) else item
+        self._faults = [] if by_log else self._told(check.fault(), order.late.get(self.image_topic, 0))
+
+    def _can_sort(self, name: str) -> bool:
+        """Not a coded video: each of its frames needs the one that was logged before it."""
+        topic = self.topics.get(name)
+        if topic is None or topic.msgtype != COMPRESSED_IMAGE:
+            return topic is not None and topic.msgtype in _SORTED
+        first = next(self._reader.messages([name]), None)
+        return first is not None and not video_format(first.data, topic)
+
+    def _first(self, messages: Iterable[Message], limit: int | None) -> Iterator[Message]:
+        """The messages up to and without image number `limit`."""
+        images = 0
+        for message in messages:
+            images += message.topic == self.image_topic
+            if limit is not None and images > limit:
+                return
+            yield message
+
+    def _told(self, fault: str, late: int) -> list[str]:
+        told = [f"{self.name}: {self.image_topic}: {fault}; {_BY_LOG}"] if fault else []
+        return [*told, f"{self.name}: {late} images of {self.image_topic} were logged out of order, they are taken in "
+                "the order of their header stamps"] if late else told
 
 
 def _choose_topic(name: str, topics: Mapping[str, Topic], wanted: str | None) -> str:

@@ -78,6 +78,17 @@ def read_stamp(cdr: bytes | memoryview) -> int:
     return to_ns(ros.builtin_interfaces__msg__Time(sec=sec, nanosec=nanosec))
 
 
+def restamped(cdr: bytes, stamp_ns: int) -> bytes:
+    """The same message with another header stamp, where it begins with a std_msgs/Header.
+
+    Raises:
+        MessageError: as `read_stamp`, or the stamp does not fit a ROS time.
+    """
+    read_stamp(cdr)
+    stamp = struct.pack("<iI" if cdr[1] else ">iI", *divmod(Header(stamp_ns).stamp_ns, SECOND_NS))
+    return b"".join([cdr[:_ENCAPSULATION_BYTES], stamp, cdr[_STAMP_END:]])
+
+
 def to_ns(stamp: ros.builtin_interfaces__msg__Time) -> int:
     """A stamp in ns.
 

@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import Enum
 
-from stab_ros.core.errors import InputError
+from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import Message
+from stab_ros.io.cdr import restamped
 from stab_ros.io.frame_reader import Decoded
+
+
+class Clock(Enum):
+    """What images are stamped with: their header stamps, or the times at which they were logged."""
+
+    HEADER = "header"
+    LOG = "log"
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +37,21 @@ class Picture:
     stamp_ns: int
     decoded: Decoded
     data: bytes | None = None
+
+    def stamped_as_logged(self) -> Picture:
+        """Takes the log time for the header stamp.
+
+        Returns:
+            The same image with the new stamp, in its message too.
+        """
+        log_ns = self.log_time_ns
+        if isinstance(self.decoded, MessageError):
+            return replace(self, stamp_ns=log_ns)
+        try:
+            data = self.data and restamped(self.data, log_ns)
+        except MessageError as error:  # the log time fits no stamp
+            return replace(self, stamp_ns=log_ns, decoded=error)
+        return replace(self, stamp_ns=log_ns, decoded=replace(self.decoded, stamp_ns=log_ns), data=data)
 
 
 def limited(items: Iterable[Picture | Message], limit: int | None) -> Iterator[Picture | Message]:

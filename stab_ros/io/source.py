@@ -15,13 +15,13 @@ from stab_ros.io.bag_source import REFERENCE_IMAGE, SINGLE_IMAGES, STATIC_MAP, B
 from stab_ros.io.image_folder import ImageFolder
 from stab_ros.io.image_topic import holds_images, namespace_of, no_images
 from stab_ros.io.input_kind import Kind, kind_of
-from stab_ros.io.picture import Picture
+from stab_ros.io.picture import Clock, Picture
 from stab_ros.io.video import VideoFile
 from stab_ros.io.video_source import PICTURE_TOPIC, VideoSource
 
 __all__ = [
-    "PICTURE_TOPIC", "REFERENCE_IMAGE", "SINGLE_IMAGES", "STATIC_MAP", "BagSource", "Kind", "Picture", "Source",
-    "VideoSource", "holds_images", "kind_of", "namespace_of", "no_images", "open_source", "read_again",
+    "PICTURE_TOPIC", "REFERENCE_IMAGE", "SINGLE_IMAGES", "STATIC_MAP", "BagSource", "Clock", "Kind", "Picture",
+    "Source", "VideoSource", "holds_images", "kind_of", "namespace_of", "no_images", "open_source", "read_again",
 ]
 
 
@@ -100,7 +100,8 @@ class Source(Protocol):
 
 
 @contextmanager
-def open_source(path: Path, image_topic: str | None = None, fps: float | None = None) -> Iterator[Source]:
+def open_source(path: Path, image_topic: str | None = None, fps: float | None = None,
+                clock: Clock = Clock.HEADER) -> Iterator[Source]:
     """Opens a recording: a context manager.
 
     Args:
@@ -108,6 +109,7 @@ def open_source(path: Path, image_topic: str | None = None, fps: float | None = 
             order of the numbers in their names.
         image_topic: which topic to read; may be left out where there is only one image topic.
         fps: frames per second of a video or a folder; None: as the file says, else 25.
+        clock: what images of a bag are stamped with; a video or a folder has one clock only.
 
     Yields:
         The recording.
@@ -118,16 +120,23 @@ def open_source(path: Path, image_topic: str | None = None, fps: float | None = 
     kind = kind_of(path)
     if kind is Kind.BAG:
         with open_bag(path) as reader:
-            yield BagSource(path, reader, image_topic)
+            yield BagSource(path, reader, image_topic, clock)
     else:
         if image_topic not in (None, PICTURE_TOPIC):
             raise InputError(f"{path}: a {kind.value} has no topic {image_topic}, its one topic is {PICTURE_TOPIC}")
+        check_clock(path, kind, clock)
         with closing(VideoFile(path, fps) if kind is Kind.VIDEO else ImageFolder(path, fps)) as reader:
             yield VideoSource(path, reader)
 
 
-def read_again(path: Path, image_topic: str | None, fps: float | None, limit: int | None,
+def check_clock(path: Path, kind: Kind, clock: Clock) -> None:
+    """Raises InputError for log times of a video or a folder."""
+    if clock is Clock.LOG and kind is not Kind.BAG:
+        raise InputError(f"{path}: is a {kind.value} and has no log times, --time log is for bags; leave it out")
+
+
+def read_again(path: Path, image_topic: str | None, fps: float | None, clock: Clock, limit: int | None,
                number: int) -> Generator[Picture, None, None]:
     """Opens an input a second time; yields those of its first `limit` images that come from `number` on."""
-    with open_source(path, image_topic, fps) as source:
+    with open_source(path, image_topic, fps, clock) as source:
         yield from itertools.islice(source.frames(limit), number, None)

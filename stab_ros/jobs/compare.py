@@ -18,7 +18,7 @@ from stab_ros.evaluation.comparison_results import Comparison, MethodResult, Pas
 from stab_ros.evaluation.evaluator import Arrival, Evaluator
 from stab_ros.evaluation.frame_metrics import FrameMetrics
 from stab_ros.evaluation.results import TopicEvaluation
-from stab_ros.io.source import Picture, Source, open_source
+from stab_ros.io.source import Clock, Picture, Source, open_source
 from stab_ros.jobs.compare_child import Failed, Finished, Run, Step, steps_of
 from stab_ros.jobs.compare_truth import Truth
 from stab_ros.jobs.stabilize import expected
@@ -42,10 +42,11 @@ class ComparisonJob:
     image_topic: str | None = None
     limit: int | None = None
     fps: float | None = None
+    clock: Clock = Clock.HEADER
 
     def run_of(self, method: str) -> Run:
         """The task of the process of one method."""
-        return Run(self.source, {**self.values, "method": method}, self.image_topic, self.limit, self.fps)
+        return Run(self.source, {**self.values, "method": method}, self.image_topic, self.limit, self.fps, self.clock)
 
 
 def known_methods() -> tuple[str, ...]:
@@ -89,7 +90,7 @@ def compare(job: ComparisonJob, progress: Progress, compiling: Compiler = compil
     """
     truth = Truth(job.truth) if job.truth else None
     make_evaluator(job.judging)  # refuses wrong settings before anything is read
-    with open_source(job.source, job.image_topic, job.fps) as source:
+    with open_source(job.source, job.image_topic, job.fps, job.clock) as source:
         counter = _MethodsProgress(progress, expected(source.count, job.limit), len(job.methods))
         compiling()
         fps = job.fps or source.rate_hz()

@@ -23,7 +23,7 @@ from stab_ros.core.kernels import compile_kernels
 from stab_ros.core.settings import Value
 from stab_ros.core.text import one_line
 from stab_ros.core.types import Frame, Image, Track
-from stab_ros.io.source import Picture, open_source, read_again
+from stab_ros.io.source import Clock, Picture, open_source, read_again
 from stab_ros.jobs.pipeline import PictureTracker, TrackedFrame
 from stab_ros.parameters.engines import make_stabilizer
 
@@ -40,6 +40,7 @@ class Run:
     image_topic: str | None = None
     limit: int | None = None
     fps: float | None = None
+    clock: Clock = Clock.HEADER
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,9 +132,9 @@ def _ending(code: int | None) -> str:
 
 def _work(connection: Connection, run: Run) -> None:
     """Runs in the child process."""
-    with _Reported(connection), open_source(run.source, run.image_topic, run.fps) as source:
+    with _Reported(connection), open_source(run.source, run.image_topic, run.fps, run.clock) as source:
         camera = source.camera() if run.values.get("use_camera_info") else None
-        again = partial(read_again, run.source, run.image_topic, run.fps, run.limit)
+        again = partial(read_again, run.source, run.image_topic, run.fps, run.clock, run.limit)
         tracker = PictureTracker(make_stabilizer(run.values, camera), need_image=True, read_again=again)
         clock = _Clock(tracker)
         compile_kernels()  # found in the cache: the parent has compiled them

@@ -26,7 +26,7 @@ def writers_of(comparison: Comparison, job: ComparisonJob, progress: Progress) -
 def _write_report(comparison: Comparison, job: ComparisonJob, progress: Progress, folder: Path) -> Path:
     from stab_ros.report import write_comparison  # here, as matplotlib takes a second to import; only a report needs it
 
-    with open_source(job.source, job.image_topic, job.fps) as source:
+    with open_source(job.source, job.image_topic, job.fps, job.clock) as source:
         camera = source.camera() if job.values.get("use_camera_info") else None
         frames = (picture.decoded for picture in source.frames(job.limit))
         return write_comparison(comparison, frames, partial(_warped, job, camera), folder, progress)

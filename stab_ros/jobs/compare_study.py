@@ -108,7 +108,7 @@ def run_study(kind: str, job: ComparisonJob, progress: Progress,
     variants, area = _variants(kind, job.values), read_area(job.values)
     fits: list[list[Fit | None]] = []
     matches: list[int] = []
-    with open_source(job.source, job.image_topic, job.fps) as source:
+    with open_source(job.source, job.image_topic, job.fps, job.clock) as source:
         total, frames = expected(source.count, job.limit), _Frames()
         compiling()
         pictures = (picture.decoded for picture in source.frames(job.limit))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stab_ros.core.errors import MessageError
@@ -20,7 +20,7 @@ from stab_ros.io.camera_message import read_size
 from stab_ros.io.cdr import IMAGE
 from stab_ros.io.homography_message import read_homography
 from stab_ros.io.image_message import read_image
-from stab_ros.io.source import Picture
+from stab_ros.io.source import Clock, Picture
 from stab_ros.jobs.evaluate_streams import ImageStream, expected_pictures, open_streams
 from stab_ros.jobs.stage import Stage
 from stab_ros.parameters.engines import make_evaluator
@@ -40,6 +40,7 @@ class EvaluationJob:
     image_topics: tuple[str, ...] = ()
     limit: int | None = None
     fps: float | None = None
+    clock: Clock = Clock.HEADER
 
 
 def evaluate(job: EvaluationJob, progress: Progress, compiling: Compiler = compile_kernels) -> Evaluation:
@@ -53,7 +54,7 @@ def evaluate(job: EvaluationJob, progress: Progress, compiling: Compiler = compi
     make_evaluator(job.values)  # refuses wrong settings before anything is read
     topics: list[TopicEvaluation] = []
     warnings: list[str] = []
-    with open_streams(job.source, job.image_topics, job.fps) as streams:
+    with open_streams(job.source, job.image_topics, job.fps, job.clock) as streams:
         counter = _StreamsProgress(progress, expected_pictures(streams, job.limit))
         compiling()
         for stream in streams:
@@ -132,10 +133,15 @@ class _Work:
         return [Arrival(self._index, picture.stamp_ns, None, False, frame)]
 
     def _of_message(self, message: Message) -> list[Arrival]:
+        stamps = self._stream.stamps
         try:
             if message.topic == self._stream.homography:
-                return self._pairing.homography(*read_homography(message.data), read_size(message.data))
-            self._evaluator.use_reference(read_image(message.data, IMAGE))
+                stamp_ns, ref_H_cur = read_homography(message.data)
+                stamp_ns = stamps.next_of(stamp_ns, message.log_time_ns) if stamps else stamp_ns
+                return self._pairing.homography(stamp_ns, ref_H_cur, read_size(message.data))
+            frame = read_image(message.data, IMAGE)
+            stamp_ns = stamps.first_of(frame.stamp_ns, message.log_time_ns) if stamps else frame.stamp_ns
+            self._evaluator.use_reference(replace(frame, stamp_ns=stamp_ns))
         except MessageError:
             self._unread += 1
         return []

@@ -22,6 +22,6 @@ def writers_of(evaluation: Evaluation, job: EvaluationJob, progress: Progress) -
 def _write_report(evaluation: Evaluation, job: EvaluationJob, progress: Progress, folder: Path) -> Path:
     from stab_ros.report import write_report  # here, as matplotlib takes a second to import, and only a report needs it
 
-    with open_streams(job.source, job.image_topics, job.fps) as streams:
+    with open_streams(job.source, job.image_topics, job.fps, job.clock) as streams:
         frames = [(picture.decoded for picture in stream.source.frames(job.limit)) for stream in streams]
         return write_report(evaluation, frames, folder, progress)

@@ -15,6 +15,7 @@ from stab_ros.io.source import (
     REFERENCE_IMAGE,
     SINGLE_IMAGES,
     BagSource,
+    Clock,
     Kind,
     Source,
     holds_images,
@@ -24,17 +25,22 @@ from stab_ros.io.source import (
     open_source,
 )
 from stab_ros.io.topics import HOMOGRAPHY_TOPIC, RAW_COMPRESSED_TOPIC, RAW_TOPIC, STABILIZED_TOPIC, topic_in
+from stab_ros.jobs.log_stamps import LogStamps
 
 _RAW = (RAW_TOPIC, RAW_COMPRESSED_TOPIC)
 
 
 @dataclass(frozen=True, eq=False)
 class ImageStream:
-    """An image topic, and the topics of its homographies and of its reference."""
+    """An image topic, and the topics of its homographies and of its reference.
+
+    stamps: of their messages, where the images are not stamped by their headers.
+    """
 
     source: Source
     homography: str | None = None
     reference: str | None = None
+    stamps: LogStamps | None = None
 
     @property
     def others(self) -> list[str]:
@@ -42,7 +48,8 @@ class ImageStream:
 
 
 @contextmanager
-def open_streams(path: Path, image_topics: Sequence[str], fps: float | None) -> Iterator[Sequence[ImageStream]]:
+def open_streams(path: Path, image_topics: Sequence[str], fps: float | None,
+                 clock: Clock = Clock.HEADER) -> Iterator[Sequence[ImageStream]]:
     """Opens the streams of an input; empty `image_topics`: the only one, or the raw and the stabilised one of a camera.
 
     Raises:
@@ -51,11 +58,11 @@ def open_streams(path: Path, image_topics: Sequence[str], fps: float | None) -> 
     with ExitStack() as stack:
         if kind_of(path) is not Kind.BAG:
             topic = image_topics[0] if image_topics else None
-            yield [ImageStream(stack.enter_context(open_source(path, topic, fps)))]
+            yield [ImageStream(stack.enter_context(open_source(path, topic, fps, clock)))]
             return
         reader = stack.enter_context(open_bag(path))
         names = choose_topics(str(path), reader.topics, image_topics)
-        yield [_stream(BagSource(path, reader, name)) for name in names]
+        yield [_stream(BagSource(path, reader, name, clock)) for name in names]
 
 
 def _stream(source: BagSource) -> ImageStream:
@@ -67,7 +74,8 @@ def _stream(source: BagSource) -> ImageStream:
     known = homography is not None and homography.msgtype == CAMERA_INFO and homography.count
     references = [topic.name for topic in source.topics.values() if topic.msgtype == IMAGE
                   and topic.name.startswith(f"{namespace}/") and topic.name.endswith(REFERENCE_IMAGE)]
-    return ImageStream(source, homography.name if homography and known else None, *references[:1])
+    stamps = LogStamps(source.logged()) if source.clock is Clock.LOG else None
+    return ImageStream(source, homography.name if homography and known else None, next(iter(references), None), stamps)
 
 
 def choose_topics(name: str, topics: Mapping[str, Topic], wanted: Sequence[str]) -> Sequence[str]:

@@ -11,11 +11,13 @@ from stab_ros.core.errors import MessageError
 from stab_ros.core.text import one_line
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import BagReader, Topic, open_bag
-from stab_ros.io.image_topic import holds_images, video_format
+from stab_ros.io.image_topic import holds_images, stamp_of, video_format
 from stab_ros.io.picture_reader import pictures_of
 from stab_ros.io.source import Kind, kind_of, open_source
+from stab_ros.io.stamp_check import StampCheck
 from stab_ros.io.video import VideoFacts, VideoFile
 
+_CHECKED_STAMPS = 50  # images, which are read whole
 _MOST_LOST = 600  # images at the beginning of a video, among which there is a key frame
 
 
@@ -31,7 +33,9 @@ def describe(path: Path) -> tuple[list[str], list[str]]:
     if kind is Kind.FOLDER:
         return _describe_pictures(path)
     with open_bag(path) as reader:
-        return [f"{path}: {_span(reader)}", *_table(reader), *_images(reader), *_extras(reader)], reader.warnings
+        lines = [f"{path}: {_span(reader)}", *_table(reader), *_images(reader), *_extras(reader)]
+        faults = _stamp_faults(path, reader)
+        return lines, [*reader.warnings, *faults]
 
 
 def _describe_pictures(path: Path) -> tuple[list[str], list[str]]:
@@ -85,8 +89,11 @@ def _table(reader: BagReader) -> list[str]:
 
 
 def _images(reader: BagReader) -> list[str]:
-    topics = [topic for _, topic in sorted(reader.topics.items()) if holds_images(topic)]
-    return [f"  {one_line(topic.name)}: {_first_image(reader, topic)}" for topic in topics]
+    return [f"  {one_line(topic.name)}: {_first_image(reader, topic)}" for topic in _image_topics(reader)]
+
+
+def _image_topics(reader: BagReader) -> list[Topic]:
+    return [topic for _, topic in sorted(reader.topics.items()) if holds_images(topic)]
 
 
 def _first_image(reader: BagReader, topic: Topic) -> str:
@@ -112,6 +119,21 @@ def _coding(video: str, lost: int) -> str:
 
 def _extras(reader: BagReader) -> list[str]:
     return [f"  {one_line(extra)}" for extra in reader.extras()]
+
+
+def _stamp_faults(path: Path, reader: BagReader) -> list[str]:
+    """What is wrong with the header stamps of the first images of each topic."""
+    faults = {topic.name: _stamp_fault(reader, topic) for topic in _image_topics(reader)}
+    return [f"{path}: {one_line(name)}: {fault}" for name, fault in faults.items() if fault]
+
+
+def _stamp_fault(reader: BagReader, topic: Topic) -> str:
+    check = StampCheck()
+    for message in itertools.islice(reader.messages([topic.name]), _CHECKED_STAMPS):
+        stamp_ns = stamp_of(message.data, topic)
+        if stamp_ns is not None:
+            check.add(stamp_ns, message.publish_time_ns, message.log_time_ns)
+    return check.fault()
 
 
 def _picture(decoded: Frame | MessageError) -> str:

@@ -20,7 +20,7 @@ from stab_ros.io import advice
 from stab_ros.io.bag import BagWriter
 from stab_ros.io.homographies import HomographyWriter
 from stab_ros.io.outputs import check_output, completed
-from stab_ros.io.source import Source, open_source, read_again
+from stab_ros.io.source import Clock, Source, open_source, read_again
 from stab_ros.io.video_writer import VideoWriter
 from stab_ros.jobs.pipeline import Counts, Outputs, run
 from stab_ros.jobs.stabilized_bag import StabilizedBag
@@ -44,6 +44,7 @@ class Job:
     limit: int | None = None
     fps: float | None = None
     force: bool = False
+    clock: Clock = Clock.HEADER
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,7 @@ def stabilize(job: Job, progress: Progress, compiling: Compiler = compile_kernel
         WorkError: the work could not be finished; the readable part remains under its `.partial` name.
     """
     _check_outputs(job)
-    with open_source(job.source, job.image_topic, job.fps) as source:
+    with open_source(job.source, job.image_topic, job.fps, job.clock) as source:
         camera = source.camera() if _uses_camera(job.values) else None
         stabilizer = make_stabilizer(job.values, camera)
         total = expected(source.count, job.limit)
@@ -79,7 +80,7 @@ def stabilize(job: Job, progress: Progress, compiling: Compiler = compile_kernel
         started_s = time.monotonic()
         with _open_outputs(job, source, camera, stabilizer.window) as outputs:
             counts = run(source.items(job.limit), stabilizer, outputs, lambda done: progress(done, total),
-                         partial(read_again, job.source, job.image_topic, job.fps, job.limit))
+                         partial(read_again, job.source, job.image_topic, job.fps, job.clock, job.limit))
         warnings = (*_replaced(source, outputs.bag.replaced), *_camera_changes(source, outputs.bag),
                     *source.warnings, *_unused(source, counts), *_remarks(source, stabilizer, counts),
                     *_lost(source, counts, stabilizer.reference))

@@ -41,7 +41,7 @@ class PlayerSettings(Checked):
     rate: float = setting(1.0, "Playback speed relative to real time", 0.001, 1e6)
     loop: bool = setting(False, "Whether to start again at the end")
     start_offset: float = setting(0.0, "Time in seconds to skip at the beginning of the recording", 0.0, 1e9)
-    clock: bool = setting(False, "Whether to publish /clock")
+    clock: bool = setting(False, "Whether to publish /clock, from the log times; one in the recording is left out then")
     wait_for_subscribers: int = setting(
         0, "Number of subscribers, over all image topics (all topics if none has images), to wait for before playing",
         0, 1000)
@@ -83,6 +83,9 @@ class BagPlayerNode(StabNode):
 
     def _report(self) -> None:
         """Publishes the diagnostics, once a second and at the end."""
+        if self._clock_publisher is not None and self.count_publishers(CLOCK_TOPIC) > 1:
+            self.get_logger().warning(f"others publish {CLOCK_TOPIC} too, nodes with use_sim_time jump between the "
+                                      "times; end them, or play without clock", once=True)
         counts = {"messages": str(self._messages), "rounds": str(self._rounds)}
         self.publish_diagnostics(DiagnosticStatus(OK, self._activity, counts))
 
@@ -90,6 +93,8 @@ class BagPlayerNode(StabNode):
         """A publisher for every topic whose type is installed."""
         for topic in bag.topics.values():
             if topic.name == CLOCK_TOPIC and self.settings.clock:
+                self.get_logger().info(f"{CLOCK_TOPIC} of the recording is left out, as clock is set: there is one "
+                                       "clock, the log times at the rate of the replay")
                 continue
             try:
                 msg_class = message_class(topic.msgtype)

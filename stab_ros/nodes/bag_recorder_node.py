@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
 from stab_ros.core.errors import ConfigError, InputError, WorkError
 from stab_ros.core.settings import Checked, setting
-from stab_ros.io.bag import BagWriter, topic_of
+from stab_ros.io.bag import BagWriter, Topic
 from stab_ros.io.diagnostics_message import ERROR, OK
+from stab_ros.io.installed_types import live_topic
 from stab_ros.nodes import params
 from stab_ros.nodes.diagnostic_status import DiagnosticStatus
 from stab_ros.nodes.gap_counter import GapCounter
@@ -71,19 +74,29 @@ class BagRecorderNode(StabNode):
                 self._add(writer, name, types)
 
     def _add(self, writer: BagWriter, name: str, types: list[str]) -> None:
-        offers = [info.qos_profile for info in self.get_publishers_info_by_topic(name)]
-        if not offers:
+        publishers = self.get_publishers_info_by_topic(name)
+        if not publishers:
             return  # only subscribers so far, whose type may be wrong
         try:
             if len(types) > 1:
                 raise InputError(f"it has several types, {', '.join(types)}")
-            writer.add_topic(topic_of(name, types[0], offered_yaml(offers)))
+            msg_class = message_class(types[0])
+            offered = offered_yaml([info.qos_profile for info in publishers])
+            topic = live_topic(name, types[0], offered, _type_hash(publishers))
+            writer.add_topic(topic)
+            self._tell_without_definition(topic)
             self._inputs[name] = AdaptiveSubscription(
-                self, message_class(types[0]), name, partial(self._record, writer, name), keep_all_offered,
+                self, msg_class, name, partial(self._record, writer, name), keep_all_offered,
                 "let it offer what the other publishers of the topic offer")
         except InputError as error:
             self._refused.add(name)
             self.get_logger().warning(f"{name} is not recorded: {error}")
+
+    def _tell_without_definition(self, topic: Topic) -> None:
+        if not topic.definition:
+            self.get_logger().warning(
+                f"{topic.name} is recorded without the definition of {topic.msgtype}, whose .msg files are not "
+                "installed: `ros2 bag` plays it where the type is installed, other tools cannot decode it")
 
     def _record(self, writer: BagWriter, topic: str, cdr: bytes, info: Mapping[str, int]) -> None:
         """The log time is that of reception, as in rosbag2; on the simulated clock if there is one."""
@@ -113,3 +126,9 @@ class BagRecorderNode(StabNode):
         except WorkError as error:
             self._failure = error
             self.get_logger().error(f"nothing more is recorded: {error}")
+
+
+def _type_hash(publishers: Sequence[TopicEndpointInfo]) -> str:
+    """RIHS01 of the type that publishers say they have; "" if none does."""
+    told = (str(publisher.topic_type_hash) for publisher in publishers)
+    return next((one for one in told if one.startswith("RIHS")), "")

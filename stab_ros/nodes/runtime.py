@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import os
 import re
 import sys
 import time
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any, ClassVar
 
 import rclpy
@@ -28,6 +26,7 @@ from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.kernels import Compilation
 from stab_ros.core.memory import keep_freed_memory
 from stab_ros.io.diagnostics_message import WARN, diagnostics_cdr
+from stab_ros.io.installed_types import python_folders
 from stab_ros.io.topics import DIAGNOSTICS_TOPIC
 from stab_ros.jobs.compiling import not_kept
 from stab_ros.nodes import log_folder
@@ -175,16 +174,16 @@ def message_class(msgtype: str) -> Any:
     named = re.fullmatch(r"(\w+)/msg/(\w+)", msgtype)
     if named is None:
         raise InputError(f"{msgtype!r} is no message type, it must be named as package/msg/Name")
+    missing = InputError(f"message type {msgtype} is not installed; install {named[1]} (apt: ros-jazzy-"
+                         f"{named[1].replace('_', '-')}) or source the workspace that holds it, then start again")
     if not _holds_messages(named[1]):  # a bag may name any module, and importing it runs it
-        raise InputError(f"message type {msgtype} is not installed")
+        raise missing
     try:
         return getattr(importlib.import_module(f"{named[1]}.msg"), named[2])
     except (ImportError, AttributeError) as error:
-        raise InputError(f"message type {msgtype} is not installed") from error
+        raise missing from error
 
 
 def _holds_messages(package: str) -> bool:
     """Whether an installed package looks like one of messages; it is not imported."""
-    spec = importlib.util.find_spec(package)
-    places = spec.submodule_search_locations if spec else None
-    return any((Path(place) / "msg" / "__init__.py").is_file() for place in places or ())
+    return any((place / "msg" / "__init__.py").is_file() for place in python_folders(package))

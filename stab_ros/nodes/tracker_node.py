@@ -158,7 +158,7 @@ class TrackerNode(StabNode):
             self.status.on_refused()
             self._warn("refused", f"refused an image: {error}")
             return
-        self._count(frame)
+        self._count(frame, source_ns)
         self._publish_tracks(tracks)
         self._publish_references()
         if tracks and tracks[-1].index == index:
@@ -177,12 +177,15 @@ class TrackerNode(StabNode):
         self._failures.note(error)
         self.status.on_failure(self._failures.count, self._failures.last)
 
-    def _count(self, frame: Frame) -> None:
+    def _count(self, frame: Frame, source_ns: int) -> None:
         """A tracked image: warns of gaps before it and of irregular stamps."""
         gap_s = self.status.on_image(self.free.ns)
         if gap_s:
             self._warn("gap", f"images again after {gap_s:.1f} s without any, at stamp {frame.stamp_ns} ns")
         self._warn_of_stamp(self._stamps.take(frame.stamp_ns))
+        fault = self._stamps.rate_fault(frame.stamp_ns, source_ns)
+        if fault:
+            self._warn("stamp_rate", fault)
 
     def _end_buffering_in_pause(self, publishers: int) -> None:
         """Publishes results for the frames in the start-up buffer if no more images come to fill it."""

@@ -193,7 +193,7 @@ def test_a_recording_that_begins_between_key_frames(
     assert "h264 video: no key frame has come before it" in lost(found)[0]
     check_same(images(found), by_opencv(tmp_path / "a.h264", stream)[KEY_EVERY:])
     assert [picture.stamp_ns for picture in found[KEY_EVERY - 2 :]] == stamps_ns[KEY_EVERY:]
-    again = list(read_again(bag, None, None, None, 6))
+    again = list(read_again(bag, None, None, Clock.HEADER, None, 6))
     assert [picture.stamp_ns for picture in again] == stamps_ns[8:]
     check_same(images(again), images(found)[-2:])
 

@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
+import os
 import resource
+import shutil
+from collections import defaultdict
 from pathlib import Path
+from typing import Any
 
+import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from live_graph import Graph, values_of
+from geometry_msgs.msg import Point, Pose, PoseStamped
+from live_graph import Graph, image_message, stamp_ns, values_of
 from mcap.reader import make_reader
+from nav_msgs.msg import Goals
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.time import Time
 from recordings import FRAME_ID, IMAGE_TOPIC, OTHER_TOPIC
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import Image
-from std_msgs.msg import Float64, String
+from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Float64, Header, String
 
 from stab_ros.io.bag import BagWriter, Topic, topic_of
+from stab_ros.io.installed_types import python_folders
+from stab_ros.synthetic.flight import Shot
 
 STRING = "std_msgs/msg/String"
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -91,6 +101,27 @@ def test_player_loops_from_its_offset_and_tells_the_time(graph: Graph, tmp_path:
     told_ns = [one.clock.sec * 10**9 + one.clock.nanosec for one in clock]
     assert all(1_500_000_000 <= time_ns <= 1_900_000_000 for time_ns in told_ns)
     assert 1_900_000_000 in told_ns
+
+
+@pytest.mark.parametrize("clock", [True, False])
+def test_there_is_one_clock_though_the_bag_holds_another(clock: bool, graph: Graph, tmp_path: Path) -> None:
+    bag, recorded_ns = tmp_path / "bag.mcap", 77 * 10**9
+    told = Clock(clock=Time(nanoseconds=recorded_ns).to_msg())
+    with BagWriter(bag) as writer:
+        writer.add_topic(topic_of("/clock", "rosgraph_msgs/msg/Clock"))
+        writer.add_topic(topic_of("/said", STRING))
+        for number in range(5):
+            time_ns = 10**9 + number * 10_000_000
+            writer.write("/clock", time_ns, time_ns, serialize_message(told))
+            writer.write("/said", time_ns, time_ns, serialize_message(String(data=str(number))))
+    heard, times = graph.listen(String, "/said", KEEP_ALL), graph.listen(Clock, "/clock", KEEP_ALL)
+    player = graph.start("bag_player_node", bag=str(bag), clock=clock, wait_for_subscribers=2 - clock, rate=0.5)
+    graph.until(lambda: len(heard) == 5 and times, "all messages")
+    assert player.wait() == 0
+    told_ns = {one.clock.sec * 10**9 + one.clock.nanosec for one in times}
+    assert (recorded_ns in told_ns) == (not clock)
+    assert (told_ns == {recorded_ns}) == (not clock)
+    assert ("/clock of the recording is left out" in player.log) == clock
 
 
 def test_player_leaves_out_what_it_has_no_type_for(graph: Graph, tmp_path: Path) -> None:
@@ -169,3 +200,79 @@ def test_full_disk_is_reported_and_survived(graph: Graph, tmp_path: Path) -> Non
     with (tmp_path / "out.mcap.partial").open("rb") as file:
         read = [deserialize_message(message.data, String).data for _, _, message in make_reader(file).iter_messages()]
     assert read == ["first"]
+
+
+def test_a_type_that_no_library_knows_is_recorded(graph: Graph, tmp_path: Path) -> None:
+    output = tmp_path / "out.mcap"
+    recorder = graph.start("bag_recorder_node", output=str(output), topics=["/mission/goals"])
+    goals = graph.speak(Goals, "/mission/goals")
+    reports = graph.listen(DiagnosticArray, "/diagnostics", 1)
+    sent = Goals(header=Header(frame_id="map"), goals=[PoseStamped(pose=Pose(position=Point(x=3.0)))])
+    goals.publish(sent)
+    graph.until(lambda: reports and values_of(reports[-1])["messages"] == "1", "the message")
+    (offered,) = graph.node.get_publishers_info_by_topic("/mission/goals")
+    assert recorder.stop() == 0
+    assert "[WARN]" not in recorder.log
+    with AnyReader([output]) as bag:
+        ((connection, _, data),) = bag.messages()
+        assert connection.msgtype == "nav_msgs/msg/Goals"
+        read: Any = bag.deserialize(data, connection.msgtype)
+        assert read.goals[0].pose.position.x == 3.0
+    assert deserialize_message(bytes(data), Goals) == sent
+    with output.open("rb") as file:
+        ((_, channel, _),) = make_reader(file).iter_messages()
+    assert channel.metadata["topic_type_hash"] == str(offered.topic_type_hash)
+
+
+def test_a_type_without_a_definition_on_disk_is_recorded(graph: Graph, tmp_path: Path) -> None:
+    modules = tmp_path / "modules"
+    for place in python_folders("nav_msgs"):  # without PREFIX/share beside it
+        shutil.copytree(place, modules / "nav_msgs")
+    graph.environment["PYTHONPATH"] = os.pathsep.join([str(modules), os.environ.get("PYTHONPATH", "")])
+    output = tmp_path / "out.mcap"
+    recorder = graph.start("bag_recorder_node", output=str(output), topics=["/mission/goals"])
+    goals = graph.speak(Goals, "/mission/goals")
+    reports = graph.listen(DiagnosticArray, "/diagnostics", 1)
+    goals.publish(Goals())
+    graph.until(lambda: reports and values_of(reports[-1])["messages"] == "1", "the message")
+    assert recorder.stop() == 0
+    (line,) = [line for line in recorder.log.splitlines() if "[WARN]" in line]
+    assert "/mission/goals is recorded without the definition of nav_msgs/msg/Goals" in line
+    with output.open("rb") as file:
+        ((schema, _, message),) = make_reader(file).iter_messages()
+    assert schema is not None
+    assert (schema.name, schema.encoding, schema.data) == ("nav_msgs/msg/Goals", "", b"")
+    assert message.data == serialize_message(Goals())
+
+
+OF_A_TRACKER = ("homography", "image_stabilized", "tracker_node/track")
+
+
+def fly(graph: Graph, namespace: str, flight: list[Shot]) -> None:
+    """A camera and its tracker, until every frame is answered; what it publishes has a subscriber by then."""
+    graph.start("tracker_node", namespace, queue_depth=0, start_s=0.0, wait_for_subscribers=2)
+    topics = [f"{namespace}/{name}" for name in OF_A_TRACKER]
+    heard = graph.listen(CameraInfo, topics[0])
+    graph.until(lambda: all(graph.node.count_subscribers(topic) for topic in topics), "the recorder")
+    images = graph.node.create_publisher(Image, f"{namespace}/image_raw", KEEP_ALL)
+    graph.until(lambda: images.get_subscription_count() == 2, "tracker and recorder")
+    for shot in flight:
+        images.publish(image_message(shot.image, shot.stamp_ns))
+    graph.until(lambda: len(heard) == len(flight), "all answers")
+
+
+def test_two_trackers_are_recorded_into_one_file(graph: Graph, flight: list[Shot], tmp_path: Path) -> None:
+    """All topics, of which the second camera's appear once the first camera is through."""
+    output = tmp_path / "out.mcap"
+    recorder = graph.start("bag_recorder_node", output=str(output))
+    for namespace in ("/left", "/right"):
+        fly(graph, namespace, flight)
+    assert recorder.stop() == 0
+    stamps: defaultdict[str, list[int]] = defaultdict(list)
+    with AnyReader([output]) as bag:
+        for connection, _, data in bag.messages():
+            if connection.topic.startswith(("/left", "/right")):
+                stamps[connection.topic].append(stamp_ns(bag.deserialize(data, connection.msgtype)))
+    for namespace in ("/left", "/right"):
+        for name in (*OF_A_TRACKER, "image_raw"):
+            assert stamps[f"{namespace}/{name}"] == [shot.stamp_ns for shot in flight], name

@@ -32,3 +32,18 @@ def test_only_the_stamp_of_the_last_image_is_a_duplicate() -> None:
     monitor.take(0)  # no stamp: the next image is compared with the one before
     assert [monitor.is_duplicate(stamp) for stamp in (0, 7, 8)] == [False, True, False]
     assert monitor.counts["stamps_duplicate"] == "1"
+
+
+@pytest.mark.parametrize(("divisor", "rate", "words"), [
+    (1000, 1, "header stamps say 0.04 ms between frames, they are published every 40 ms (factor 1000): perhaps "
+              "microseconds in nanosec"),
+    (1, 1, ""),
+    (1, 10, ""),  # replays
+    (1, 0.1, ""),
+])
+def test_stamps_in_another_unit_are_told_from_a_replay(divisor: int, rate: float, words: str) -> None:
+    monitor, step_ns = StampMonitor(), 40_000_000
+    said = [monitor.rate_fault(SECOND_NS + number % 25 * step_ns // divisor + number // 25 * SECOND_NS,
+                               DAY_NS + round(number * step_ns / rate)) for number in range(60)]
+    assert {one for one in said if one} == ({f"{words}; the camera driver must stamp its images with the time in "
+                                             "nanoseconds"} if words else set())
