@@ -16,6 +16,7 @@ from stab_ros.core.types import BoolArray, FloatArray, Frame, Homography
 from stab_ros.evaluation.frame_metrics import FrameMetrics, Outcome
 from stab_ros.evaluation.reference_measures import ReferenceMeasures, View, measures_of
 from stab_ros.evaluation.settings import EvaluatorConfig, NamedPoint
+from stab_ros.metrics.camera_fixed import CameraFixed
 from stab_ros.metrics.comparison import PointComparison
 from stab_ros.metrics.homologous import Rmse
 from stab_ros.metrics.static_points import StaticPoints
@@ -41,6 +42,9 @@ class Arrival:
     lost: bool
     frame: Frame | None
     reference_size: tuple[int, int] | None = None
+
+
+_LEAST_POINTS = 2  # that are not fixed to the camera, to tell by them that it has moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +75,7 @@ class Evaluator:
         self._area = area or Area()
         self._measures: ReferenceMeasures | None = None
         self._static = StaticPoints(np.empty((0, 2), np.int64))
+        self._fixed = CameraFixed(np.empty((0, 1, 1)), np.empty((0, 2), np.int64), 0.0)
         self._awaited_ns: int | None = None  # stamp of the reference, until its frame arrives
         self._previous: _Seen | None = None
         self._measured = 0
@@ -88,7 +93,29 @@ class Evaluator:
     @property
     def static(self) -> BoolArray:
         """(n,) bool: which of `points` have moved with the majority so far, and count in the means."""
-        return self._static.static
+        return self._static.static & ~self._left_out
+
+    @property
+    def camera_fixed(self) -> BoolArray:
+        """(n,) bool: which of `points` lie on something that moves with the camera, as dirt on the lens."""
+        return self._fixed.fixed
+
+    @property
+    def has_hot_pixels(self) -> bool:
+        """Whether the camera has so many hot pixels that they are left out of all images."""
+        return self._measures is not None and self._measures.hot_pixels
+
+    @property
+    def points_are_named(self) -> bool:
+        """Whether the user gave the points."""
+        return bool(self._named_points)
+
+    @property
+    def _left_out(self) -> BoolArray:
+        """Those fixed to the camera, if others move; the points of the user always count."""
+        fixed = self.camera_fixed
+        others = not self._named_points and (~fixed).sum() >= _LEAST_POINTS
+        return fixed if others else np.zeros(len(fixed), bool)
 
     @property
     def check_is_due(self) -> bool:
@@ -104,19 +131,22 @@ class Evaluator:
         """
         self.config = config
 
-    def use_reference(self, frame: Frame) -> None:
+    def use_reference(self, frame: Frame, ref_H_raw: Homography | None = None) -> None:
         """Measures against this image from now on.
 
         Args:
             frame: the reference; one with the stamp of the current reference changes nothing.
+            ref_H_raw: (3, 3), by which it was itself warped; None: it was not.
 
         Raises:
             InputError: a region or a point that the user gave does not fit it.
         """
         if self._measures is not None and frame.stamp_ns == self._measures.frame.stamp_ns:
             return
-        self._measures = measures_of(frame, self.config, self._named_points, self._area)
+        self._measures = measures_of(frame, self.config, self._named_points, self._area,
+                                     np.eye(3) if ref_H_raw is None else ref_H_raw)
         self._static = StaticPoints(self._measures.centres_px)
+        self._fixed = self._measures.camera_fixed()
         self._awaited_ns = frame.stamp_ns
         self._previous = None
         self._measured = 0
@@ -137,7 +167,7 @@ class Evaluator:
         if arrival.lost or arrival.frame is None:
             return FrameMetrics(arrival.index, arrival.stamp_ns, Outcome.LOST if arrival.lost else Outcome.NO_IMAGE)
         _check_window(arrival.frame, arrival.reference_size)
-        measures = self._measures_for(arrival.frame)
+        measures = self._measures_for(arrival.frame, arrival.ref_H_cur)
         seen, before = self._see(arrival, measures.view_of(arrival.frame, arrival.ref_H_cur)), self._previous
         self._previous = seen
         if arrival.stamp_ns == self._awaited_ns:
@@ -153,16 +183,18 @@ class Evaluator:
         same = before is not None and np.array_equal(before.view.gray, view.gray)
         return _Seen(arrival, view, before.repeats + 1 if before is not None and same else 0)
 
-    def _measures_for(self, frame: Frame) -> ReferenceMeasures:
+    def _measures_for(self, frame: Frame, ref_H_cur: Homography | None) -> ReferenceMeasures:
         if self._measures is None or frame.size != self._measures.frame.size:
             self._measures = None
-            self.use_reference(frame)
+            self.use_reference(frame, ref_H_cur)
         assert self._measures is not None
         return self._measures
 
     def _metrics(self, measures: ReferenceMeasures, seen: _Seen, before: _Seen | None, check: bool) -> FrameMetrics:
         view = seen.view
         self._static.vote(view.shifts_px, view.searched)
+        if view.fixed_H_ref is not None:
+            self._fixed.vote(view.gray, view.valid, view.windows, view.fixed_H_ref)
         reference = measures.compare(measures.view, view)
         points = {"rmsd_reference": reference.rmsd, "displacement_reference_px": reference.displacement_px,
                   "shift_u_px": view.shifts_px[:, 0], "shift_v_px": view.shifts_px[:, 1]}
@@ -186,6 +218,7 @@ class Evaluator:
             "points_used": float(used.sum()),
             "points_beyond_range": float((used & reference.beyond).sum()),
             "identical_frames": float(seen.repeats),
+            "points_fixed_to_camera": float(self.camera_fixed.sum()),
         }
 
     def _in_metres(self, values: dict[str, float], seen: _Seen, before: _Seen | None) -> dict[str, float]:
@@ -202,8 +235,8 @@ class Evaluator:
 
 
 def _homologous(measures: ReferenceMeasures, view: View, before: View | None) -> Rmse:
-    pair = (before.gray, before.valid) if before is not None else (None, None)
-    return measures.homologous.measure(view.gray, view.valid, *pair)
+    pair = (before.gray, before.valid, before.fixed_H_ref) if before is not None else (None, None, None)
+    return measures.homologous.measure(view.gray, view.valid, *pair, fixed_H_ref=view.fixed_H_ref)
 
 
 def _rmse_values(rmse: Rmse) -> dict[str, float]:

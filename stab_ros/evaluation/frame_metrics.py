@@ -44,6 +44,7 @@ UNITS: Mapping[str, str] = {
     "points_used": "",
     "points_beyond_range": "",
     "identical_frames": "",
+    "points_fixed_to_camera": "",
 }
 # metrics that every verification point has as well
 POINT_METRICS = ("rmsd_reference", "rmsd_previous", "displacement_reference_px", "displacement_previous_px",
