@@ -22,8 +22,9 @@ _REMARKS_ON_HOT_PIXELS = ("the camera has hot or dead pixels: they are left out 
 class TopicEvaluation:
     """The evaluation of one stream. reference: the given one, else its first frame. static: (P,) bool, at the end.
 
-    rows: one for each frame. fps: of the settings, else of the stream. camera_fixed: (P,) bool, points on something that
-    moves with the camera. hot_pixels: whether such were left out of all images. named: whether the user gave the points.
+    rows: one for each frame. fps: of the settings, else of the stream. camera_fixed: (P,) bool, points on something
+    that moves with the camera. hot_pixels: whether such were left out of all images. named: whether the points are the
+    user's.
     """
 
     topic: str

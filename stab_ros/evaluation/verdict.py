@@ -11,6 +11,7 @@ from stab_ros.metrics.statistics import Summary
 
 _SIFT_SHARE = 2.0  # of the limit: SIFT has an error of its own, and sees relief
 _FACTOR = 2.0  # between two measures that agree
+_SIFT_FLOOR_PX = 1.0  # below it, SIFT and relief explain the difference
 _FEWEST_POINTS = 2
 _FEWEST_CHECKPOINTS = 24
 
@@ -49,11 +50,19 @@ def verdict_of(topic: TopicEvaluation) -> Verdict:
     if reason:
         return Verdict(Answer.UNKNOWN, reason=reason)
     saturated = is_saturated(topic)
-    measure = homologous if points is None or (saturated and homologous is not None) else points
-    assert measure is not None  # else there is a reason
+    measure = _larger(points, homologous, saturated)
     limit_px = topic.config.displacement_warn_px * (1.0 if measure is points else _SIFT_SHARE)
     answer = Answer.STILL if measure.p95 < limit_px else Answer.MOVES
     return Verdict(answer, measure.median, measure.p95, measure is points and saturated)
+
+
+def _larger(points: Summary | None, homologous: Summary | None, saturated: bool) -> Summary:
+    """The displacement, unless it is unknown or cut at its range, or what is found again has moved far more."""
+    if homologous is None:
+        assert points is not None  # else there is a reason to say nothing
+        return points
+    cut = points is None or saturated or homologous.median > max(_FACTOR * points.median, _SIFT_FLOOR_PX)
+    return homologous if cut or points is None else points
 
 
 def is_saturated(topic: TopicEvaluation, name: str = "median") -> bool:
@@ -85,7 +94,7 @@ def _contradiction(topic: TopicEvaluation, points: Summary | None, homologous: S
     if here == there or high < _FACTOR * low:
         return ""
     if there:
-        return ("the verification points stand still, and what is found again all over the picture has moved: the points may "
-                "lie on something fixed to the camera, or that may be water")
-    return ("the verification points have changed, and what is found again all over the picture stands still: that is light, "
-            "blur, compression or dirt, or the points lie on something that moves")
+        return ("the verification points stand still, and what is found again all over the picture has moved: the "
+                "points may lie on something fixed to the camera, or that may be water")
+    return ("the verification points have changed, and what is found again all over the picture stands still: that is "
+            "light, blur, compression or dirt, or the points lie on something that moves")
