@@ -5,6 +5,7 @@ Ljubicic et al. 2021, section 2.5 (RMSD, displacement, velocity fields) and Zhan
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -75,7 +76,7 @@ class Evaluator:
         self._area = area or Area()
         self._measures: ReferenceMeasures | None = None
         self._static = StaticPoints(np.empty((0, 2), np.int64))
-        self._fixed = CameraFixed(np.empty((0, 1, 1)), np.empty((0, 2), np.int64), 0.0)
+        self._fixed = CameraFixed(np.empty((0, 0), np.uint8), np.empty((0, 1, 1)), np.empty((0, 2), np.int64), 0.0)
         self._awaited_ns: int | None = None  # stamp of the reference, until its frame arrives
         self._previous: _Seen | None = None
         self._measured = 0
@@ -103,7 +104,7 @@ class Evaluator:
     @property
     def has_hot_pixels(self) -> bool:
         """Whether the camera has so many hot pixels that they are left out of all images."""
-        return self._measures is not None and self._measures.hot_pixels
+        return self._measures is not None and self._measures.hot_pixels.any
 
     @property
     def points_are_named(self) -> bool:
@@ -178,6 +179,21 @@ class Evaluator:
         adjacent = before if before is not None and before.arrival.index == arrival.index - 1 else None
         return self._metrics(measures, seen, adjacent, check)
 
+    def revised(self, metrics: FrameMetrics) -> FrameMetrics:
+        """An earlier frame, without the points that have been found since to be fixed to the camera.
+
+        Args:
+            metrics: the measures of the frame.
+
+        Returns:
+            The same, where it has none of them.
+        """
+        left_out = self._left_out
+        if metrics.outcome is not Outcome.MEASURED or len(metrics.static) != len(left_out) or not left_out.any():
+            return metrics
+        static = metrics.static & ~left_out
+        return dataclasses.replace(metrics, static=static, values=_revised(metrics, static))
+
     def _see(self, arrival: Arrival, view: View) -> _Seen:
         before = self._previous
         same = before is not None and np.array_equal(before.view.gray, view.gray)
@@ -193,15 +209,15 @@ class Evaluator:
     def _metrics(self, measures: ReferenceMeasures, seen: _Seen, before: _Seen | None, check: bool) -> FrameMetrics:
         view = seen.view
         self._static.vote(view.shifts_px, view.searched)
-        if view.fixed_H_ref is not None:
-            self._fixed.vote(view.gray, view.valid, view.windows, view.fixed_H_ref)
-        reference = measures.compare(measures.view, view)
+        clear = self._clear_in(view)
+        counted = self.static & clear
+        reference = measures.compare(measures.view, view, clear)
         points = {"rmsd_reference": reference.rmsd, "displacement_reference_px": reference.displacement_px,
                   "shift_u_px": view.shifts_px[:, 0], "shift_v_px": view.shifts_px[:, 1]}
         if before is not None:
-            previous = measures.compare(before.view, view)
+            previous = measures.compare(before.view, view, clear)
             points |= {"rmsd_previous": previous.rmsd, "displacement_previous_px": previous.displacement_px}
-        values = _means(points, self.static) | self._counts(reference, seen)
+        values = _means(points, counted) | self._counts(reference, seen, counted)
         field = None
         if check:
             rmse = _homologous(measures, view, before.view if before is not None else None)
@@ -210,8 +226,15 @@ class Evaluator:
         return FrameMetrics(seen.arrival.index, seen.arrival.stamp_ns, Outcome.MEASURED,
                             values | self._in_metres(values, seen, before), points, self.static, field)
 
-    def _counts(self, reference: PointComparison, seen: _Seen) -> dict[str, float]:
-        used = self.static & np.isfinite(reference.rmsd)
+    def _clear_in(self, view: View) -> BoolArray:
+        """(n,) bool: the points that nothing fixed to the camera disturbs in this frame; all of the user's."""
+        disturbed = np.zeros(len(self.points), bool)
+        if view.fixed_H_ref is not None:
+            disturbed = self._fixed.vote(view.gray, view.valid, view.windows, view.fixed_H_ref)
+        return ~self._left_out & ~(disturbed & (not self._named_points))
+
+    def _counts(self, reference: PointComparison, seen: _Seen, counted: BoolArray) -> dict[str, float]:
+        used = counted & np.isfinite(reference.rmsd)
         return {
             "brightness_change": reference.brightness_change,
             "noise_sigma": float(np.sqrt(np.mean(seen.view.noise_variance))) if len(self.points) else 0.0,
@@ -252,6 +275,20 @@ def _means(points: dict[str, FloatArray], static: BoolArray) -> dict[str, float]
         if len(counted):
             found[name] = float(np.median(counted) if name.startswith("shift") else counted.mean())
     return found
+
+
+def _revised(metrics: FrameMetrics, static: BoolArray) -> dict[str, float]:
+    """The values of a frame, if only the points `static` (n,) count; errors on the ground in proportion."""
+    before, means = metrics.values, _means(dict(metrics.points), static)
+    found = {name: value for name, value in before.items() if name not in metrics.points} | means
+    for ground, name in (("position_error_m", "displacement_reference_px"),
+                         ("velocity_error_m_s", "displacement_previous_px")):
+        if ground in found:
+            scale = means[name] / before[name] if before.get(name) and name in means else 0.0
+            found[ground] = before[ground] * scale
+    used = static & np.isfinite(metrics.points["rmsd_reference"])
+    return found | {"points_used": float(used.sum()),
+                    "points_beyond_range": min(before["points_beyond_range"], float(used.sum()))}
 
 
 def _check_window(frame: Frame, reference_size: tuple[int, int] | None) -> None:

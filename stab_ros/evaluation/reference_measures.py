@@ -16,7 +16,7 @@ from stab_ros.metrics.camera_fixed import CameraFixed
 from stab_ros.metrics.comparison import PointComparison, compare
 from stab_ros.metrics.correlation import Correlator
 from stab_ros.metrics.homologous import HomologousPoints
-from stab_ros.metrics.hot_pixels import has_hot_pixels, without_hot_pixels
+from stab_ros.metrics.hot_pixels import HotPixels
 from stab_ros.metrics.noise import NoiseGauge, interpolated_share
 from stab_ros.metrics.overlap import valid_overlap, windows_inside
 from stab_ros.metrics.rmsd import cut
@@ -51,7 +51,7 @@ class ReferenceMeasures:
     """The reference and everything needed to measure frames against it.
 
     centres_px: (P, 2) int64, of the verification points. view: of the reference itself. ref_H_raw: (3, 3), by which it
-    was itself warped. hot_pixels: whether the camera has such, which are then left out of every image.
+    was itself warped. hot_pixels: of the camera, which are left out of every image.
     """
 
     frame: Frame
@@ -65,26 +65,25 @@ class ReferenceMeasures:
     velocity: VelocityField
     view: View
     ref_H_raw: Homography
-    hot_pixels: bool
+    hot_pixels: HotPixels
 
     def view_of(self, frame: Frame, ref_H_cur: Homography | None) -> View:
         """The view of `frame`, which has the size of the reference. ref_H_cur: the homography of its warp, if known."""
-        gray = to_gray(frame, self.grey_scale)
-        if self.hot_pixels:
-            gray = without_hot_pixels(gray)
+        fixed_H_ref = self._fixed_H_ref(ref_H_cur)
+        gray = self.hot_pixels.removed(to_gray(frame, self.grey_scale), fixed_H_ref)
         valid = valid_overlap(gray, ref_H_cur)
         searched = windows_inside(valid, self.correlator.areas_px, self.correlator.window_px)
         shifts_px = self.correlator.shifts(gray, searched, valid)
         usable = windows_inside(valid, self.centres_px, self.window_px)
         return View(gray, valid, cut(gray, self.centres_px, self.window_px), usable, shifts_px, searched,
-                    self._noise_variance(gray, ref_H_cur), self._fixed_H_ref(ref_H_cur))
+                    self._noise_variance(gray, ref_H_cur), fixed_H_ref)
 
     def _fixed_H_ref(self, ref_H_cur: Homography | None) -> Homography | None:
         return None if ref_H_cur is None else np.asarray(ref_H_cur @ np.linalg.inv(self.ref_H_raw))
 
     def camera_fixed(self) -> CameraFixed:
         """The votes on what is fixed to the camera, at its beginning."""
-        return CameraFixed(self.view.windows, self.centres_px, self.gauge.sigma(self.view.gray))
+        return CameraFixed(self.view.gray, self.view.windows, self.centres_px, self.gauge.sigma(self.view.gray))
 
     def _noise_variance(self, gray: Gray, ref_H_cur: Homography | None) -> FloatArray:
         """At least the known share of noise after bilinear warping, whose averaging the gauge underestimates."""
@@ -94,12 +93,12 @@ class ReferenceMeasures:
         share = interpolated_share(ref_H_cur, self.centres_px, self.window_px)
         return np.asarray(np.maximum(measured, share * self.view.noise_variance))
 
-    def compare(self, before: View, after: View) -> PointComparison:
-        """Compares the windows of two views."""
+    def compare(self, before: View, after: View, clear: BoolArray) -> PointComparison:
+        """Compares the windows of two views at the points in `clear`, (P,) bool."""
         moved_px = after.shifts_px - before.shifts_px
         return compare(self.points, before.windows, after.windows,
                        follow(after.gray, self.centres_px, self.window_px, moved_px),
-                       moved_px, before.usable & after.usable,
+                       moved_px, before.usable & after.usable & clear,
                        before.noise_variance + after.noise_variance)
 
 
@@ -114,9 +113,8 @@ def measures_of(frame: Frame, config: EvaluatorConfig, named_points: Sequence[Na
     """
     scale = depth_scale(frame)
     gray = to_gray(frame, scale)
-    hot_pixels = has_hot_pixels(gray)
-    if hot_pixels:
-        gray = without_hot_pixels(gray)
+    hot_pixels = HotPixels(gray)
+    gray = hot_pixels.removed(gray, np.eye(3))
     gauge = NoiseGauge(gray)
     sigma = gauge.sigma(gray)
     allowed = area.allowed(frame.size) & valid_overlap(gray, None)

@@ -16,6 +16,7 @@ from stab_ros.metrics.velocity_field import Field, mean_field
 from stab_ros.metrics.verification import VerificationPoint
 
 _REMARKS_ON_HOT_PIXELS = ("the camera has hot or dead pixels: they are left out of every picture, and are no points",)
+_STABILISED = "image_stabilized"  # as such a topic ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,3 +87,9 @@ class Evaluation:
     frames: int
     topics: tuple[TopicEvaluation, ...]
     warnings: tuple[str, ...]
+
+    @property
+    def stabilised_first(self) -> Evaluation:
+        """The same, with the stabilised streams before the raw ones, as tables and reports show them."""
+        ordered = sorted(self.topics, key=lambda one: not one.topic.endswith(_STABILISED))
+        return dataclasses.replace(self, topics=tuple(ordered))

@@ -21,14 +21,15 @@ _MATCHES = 0.6  # correlation with the reference at the place of the camera
 _BETTER = 0.2  # than at the place of the ground
 _LEAST_CONTRAST, _LEAST_TO_NOISE = 3.0, 2.0  # standard deviation of such a part, grey levels and ratio to the noise
 _LEAST_SHARE = 0.02  # of a window: a speck; without one it is 0
-_MIN_VOTES, _MOST = 2, 0.25  # a point is fixed to the camera from so many frames and this share of them on
+_MIN_VOTES, _MOST = 4, 0.5  # a point is fixed to the camera from so many frames and this share of them on
 
 
 class CameraFixed:
     """Classifies P verification points by votes over the frames in which the camera has moved."""
 
-    def __init__(self, windows: FloatArray, centres_px: IdArray, noise_sigma: float) -> None:
-        """windows: (P, N, N) of the reference. centres_px: (P, 2). noise_sigma: of the reference, grey levels."""
+    def __init__(self, reference: Gray, windows: FloatArray, centres_px: IdArray, noise_sigma: float) -> None:
+        """reference: (h, w) uint8. windows: (P, N, N) of it. centres_px: (P, 2). noise_sigma: of it, grey levels."""
+        self._reference = reference
         self._windows = np.asarray(windows, np.float32)
         self._centres = np.asarray(centres_px, np.int64)
         self._contrast = max(_LEAST_CONTRAST, _LEAST_TO_NOISE * noise_sigma)
@@ -40,8 +41,10 @@ class CameraFixed:
         """(P,) bool: points on something that moves with the camera."""
         return np.asarray((self._found >= _MIN_VOTES) & (self._found >= _MOST * self._seen))
 
-    def vote(self, gray: Gray, valid: BoolArray, windows: FloatArray, fixed_H_ref: Homography) -> None:
-        """Adds the votes of one frame.
+    def vote(self, gray: Gray, valid: BoolArray, windows: FloatArray, fixed_H_ref: Homography) -> BoolArray:
+        """Adds the votes of one frame, and returns the points (P,) bool that are disturbed in it.
+
+        Once something fixed to the camera has been found, that is wherever it has moved to in this frame.
 
         Args:
             gray: (h, w) uint8, stabilised.
@@ -49,10 +52,15 @@ class CameraFixed:
             windows: (P, N, N), its windows at the points.
             fixed_H_ref: (3, 3), from a place in the reference to that in `gray` where the same pixel of the camera is.
         """
+        disturbed = np.zeros(len(self._centres), bool)
         for point in self._told_apart(valid, fixed_H_ref):
-            ours = _window_at(gray, self._centres[point], self._windows.shape[1], fixed_H_ref)
+            now, reference = np.asarray(windows[point], np.float32), self._windows[point]
+            gone = self._share(reference, self._window(gray, point, fixed_H_ref), now)
+            come = self._share(now, self._window(self._reference, point, np.linalg.inv(fixed_H_ref)), reference)
             self._seen[point] += 1
-            self._found[point] += self._share(point, ours, np.asarray(windows[point], np.float32)) >= _LEAST_SHARE
+            self._found[point] += gone >= _LEAST_SHARE
+            disturbed[point] = max(gone, come) >= _LEAST_SHARE
+        return disturbed if self.fixed.any() else np.zeros_like(disturbed)
 
     def _told_apart(self, valid: BoolArray, fixed_H_ref: Homography) -> Sequence[int]:
         """Points whose place of the camera has moved away, and can be seen."""
@@ -62,11 +70,13 @@ class CameraFixed:
         found: Sequence[int] = np.flatnonzero(away & seen).tolist()
         return found
 
-    def _share(self, point: int, camera: FloatArray, ground: FloatArray) -> float:
-        """Share of the window of a point that is found again at the place of the camera, and only there."""
-        reference = self._windows[point]
-        at_camera, contrast = _correlation(reference, camera)
-        at_ground, _ = _correlation(reference, ground)
+    def _window(self, image: Gray, point: int, image_H_here: Homography) -> FloatArray:
+        return _window_at(image, self._centres[point], self._windows.shape[1], image_H_here)
+
+    def _share(self, window: FloatArray, camera: FloatArray, ground: FloatArray) -> float:
+        """Share of a window that is found again at the place of the camera, and only there."""
+        at_camera, contrast = _correlation(window, camera)
+        at_ground, _ = _correlation(window, ground)
         return float(np.mean((at_camera > _MATCHES) & (at_camera > at_ground + _BETTER) & (contrast > self._contrast)))
 
 
@@ -77,12 +87,12 @@ def in_place(reference_px: FloatArray, current_px: FloatArray, fixed_H_ref: Homo
     return np.asarray(moved & (np.hypot(*(places - current_px).T) < gate_px))
 
 
-def _window_at(gray: Gray, centre: IdArray, side: int, fixed_H_ref: Homography) -> FloatArray:
-    """(N, N) float32: what the pixels of a window of the reference show in `gray`."""
+def _window_at(image: Gray, centre: IdArray, side: int, image_H_here: Homography) -> FloatArray:
+    """(N, N) float32: what the pixels of a window show where `image_H_here` has them in `image`."""
     span = np.arange(-(side // 2), side // 2 + 1, dtype=np.float64)
     places = np.stack(np.meshgrid(span + centre[0], span + centre[1]), axis=-1).reshape(-1, 2)
-    x, y = apply(fixed_H_ref, places).reshape(side, side, 2).transpose(2, 0, 1).astype(np.float32)
-    return np.asarray(cv2.remap(gray, x, y, cv2.INTER_LINEAR), np.float32)
+    x, y = apply(image_H_here, places).reshape(side, side, 2).transpose(2, 0, 1).astype(np.float32)
+    return np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR), np.float32)
 
 
 def _correlation(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:

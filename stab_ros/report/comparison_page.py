@@ -14,10 +14,11 @@ from stab_ros.report.comparison_boxes import box_panels, cost_panels
 from stab_ros.report.comparison_overlay import Warp, overlay_panels
 from stab_ros.report.comparison_series import series_panels
 from stab_ros.report.comparison_trade import trade_panel
-from stab_ros.report.comparison_verdict import best, failed, with_lost
+from stab_ros.report.comparison_verdict import alike, best, failed, with_lost
 from stab_ros.report.numbers import Numbers
 from stab_ros.report.panel import Panel, Section
 from stab_ros.report.rendering import embedded, rendered, write_page
+from stab_ros.report.verdict import is_saturated
 
 
 def write_comparison(comparison: Comparison, frames: Iterable[Decoded], warp: Warp, folder: Path,
@@ -36,7 +37,8 @@ def write_comparison(comparison: Comparison, frames: Iterable[Decoded], warp: Wa
     overlays = overlay_panels(comparison, frames, warp, numbers, progress)
     return write_page(rendered(
         "compare.html", n=numbers, json=tree, data=embedded(tree), columns=shown, heads=heads(shown),
-        sections=list(_sections(comparison, overlays)), best=best, with_lost=with_lost, failed=failed), folder)
+        sections=list(_sections(comparison, overlays)), best=best, alike=alike,
+        with_lost=with_lost, failed=failed, more=is_saturated), folder)
 
 
 def _sections(comparison: Comparison, overlays: list[Panel]) -> Iterator[Section]:
