@@ -58,6 +58,12 @@ def summary_json(summary: Summary | None) -> Json:
             "whisker_high": summary.whisker_high, "outliers": len(summary.outliers)}
 
 
+def or_more(found: Json, statistic: str) -> bool:
+    """Whether a statistic of the displacement against the reference, of a stream or method, is cut at its range."""
+    beyond = found["points_beyond_range"].get(statistic)
+    return beyond is not None and bool(beyond > 0)
+
+
 def _region(region: RegionVelocity) -> Json:
     return {"region": region.region, "x_px": region.x_px, "y_px": region.y_px, "u_px": _finite(region.u_px),
             "v_px": _finite(region.v_px), "magnitude_px": _finite(region.magnitude_px), "vectors": region.vectors}

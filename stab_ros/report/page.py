@@ -12,7 +12,7 @@ from stab_ros.core.settings import settings_of
 from stab_ros.evaluation.frame_metrics import TITLES, UNITS
 from stab_ros.evaluation.results import Evaluation
 from stab_ros.evaluation.settings import EvaluatorConfig
-from stab_ros.evaluation.summary import as_json
+from stab_ros.evaluation.summary import as_json, or_more
 from stab_ros.report.boxes import box_panels
 from stab_ros.report.calibration import calibration_panels
 from stab_ros.report.maps import field_panels, point_panels
@@ -24,7 +24,7 @@ from stab_ros.report.pictures import ReportImages, Streams, read_pictures
 from stab_ros.report.rendering import embedded, own_file, rendered, write_page
 from stab_ros.report.scrub import Scrub, scrub_of
 from stab_ros.report.series import series_panels
-from stab_ros.report.verdict import brightest_frame, compared, extreme_frame, is_saturated, short_name
+from stab_ros.report.verdict import brightest_frame, compared, extreme_frame, short_name
 
 
 def write_report(evaluation: Evaluation, streams: Streams, folder: Path, progress: Progress) -> Path:
@@ -43,7 +43,7 @@ def _page(evaluation: Evaluation, pictures: ReportImages, scrub: Scrub) -> str:
     numbers = Numbers(tree)
     return rendered(
         "template.html", n=numbers, json=tree, data=embedded(tree), units=UNITS, titles=TITLES,
-        meanings=_meanings(), compared=compared(tree), more=is_saturated, short=short_name,
+        meanings=_meanings(), compared=compared(tree), more=or_more, short=short_name,
         extreme_frame=extreme_frame, brightest_frame=brightest_frame,
         script=Markup(own_file("scrub.js")), sections=list(_sections(evaluation, pictures, numbers)), scrub=scrub,
         scrub_data=embedded({"labels": scrub.labels, "streams": [uris for _, uris in scrub.streams]}))

@@ -33,12 +33,6 @@ def compared(tree: Json) -> Compared | None:
     return Compared(first, other, gained)
 
 
-def is_saturated(topic: Json, statistic: str) -> bool:
-    """Whether a statistic of the displacement against the reference is cut at the range of some points: "or more"."""
-    beyond = topic["points_beyond_range"][statistic]
-    return beyond is not None and bool(beyond > 0)
-
-
 def short_name(name: str) -> str:
     """The last part of a topic's name, or "raw" and "stabilised"."""
     last = name.rstrip("/").removesuffix("/compressed").rpartition("/")[2]
