@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from stab_ros.evaluation.summary import Json
+from stab_ros.evaluation.verdict import Answer
 
 _COMPARED = "displacement_reference_px"
 _GAINED = 0.8  # of the motion of the raw pictures; above it, nothing was gained
@@ -13,11 +14,15 @@ _GAINED = 0.8  # of the motion of the raw pictures; above it, nothing was gained
 
 @dataclass(frozen=True)
 class Compared:
-    """Two streams side by side. first: the one to judge. gained: whether it moves clearly less than the other."""
+    """Two streams side by side. first: the one to judge. gained: whether it moves clearly less than the other.
+
+    at_rest: whether both stand still alike, so that there was nothing to gain.
+    """
 
     first: str
     other: str
     gained: bool
+    at_rest: bool
 
 
 def compared(tree: Json) -> Compared | None:
@@ -30,7 +35,8 @@ def compared(tree: Json) -> Compared | None:
     gained = any(a is not None and b is not None and a < _GAINED * b
                  for a, b in ((one["median"], two["median"]) for one, two in
                               ((here[name], there[name]) for name in (_COMPARED, "rmse_reference_px"))))
-    return Compared(first, other, gained)
+    still = all(one["verdict"]["answer"] == Answer.STILL.value for one in (here, there))
+    return Compared(first, other, gained, still and not gained)
 
 
 def short_name(name: str) -> str:

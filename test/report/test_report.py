@@ -302,6 +302,20 @@ def test_where_nothing_was_gained_it_says_so_in_red(command: Command, tmp_path: 
     assert text.index("/cam/image_stabilized") < text.index("/cam/image_raw"), "the stabilised one first"
 
 
+def test_raw_pictures_that_stand_still_leave_nothing_to_gain(command: Command, tmp_path: Path) -> None:
+    path = tmp_path / "rest.mcap"
+    with BagWriter(path) as writer:
+        for topic in ("/cam/image_raw", "/cam/image_stabilized"):
+            writer.add_topic(topic_of(topic, IMAGE))
+            for index in range(3):
+                one = frame(picture(IDENTITY, SIZE, noise=1.0 + 0.1 * index), index)
+                writer.write(topic, one.stamp_ns, one.stamp_ns, image_cdr(one.image, "mono8", header_of(one)))
+    page = page_of(command, path)
+    assert "Both stand still" in page.text
+    assert "Nothing was gained" not in page.text
+    assert verdicts(page) == ["good", "good"]
+
+
 def test_tables_name_measures_and_not_keys(report: Path) -> None:
     page = Page(report / "index.html")
     table = page.source.partition('<section id="measures">')[2].partition("</section>")[0]
