@@ -12,30 +12,40 @@ from stab_ros.evaluation.summary import Json
 
 @dataclass(frozen=True)
 class Column:
-    """Heading of a column, and the unit or statistic below it. place: path of its number in the JSON of a method."""
+    """Heading of a column, and the unit or statistic below it. place: path of its number in the JSON of a method.
+
+    label: both, where a table without headings names each number.
+    """
 
     head: str
     below: str
     place: tuple[str, ...]
+    label: str
 
 
-_ERROR = (Column("error px", "median", ("error_px", "median")), Column("", "95 %", ("error_px", "p95")),
-          Column("", "max", ("error_px", "max")))
-_COLUMNS = (
-    Column("displaced px", "median", ("displacement_reference_px", "median")),
-    Column("", "95 %", ("displacement_reference_px", "p95")),
-    Column("RMSE", "px", ("rmse_reference_px", "median")),
-    Column("RMSD", "levels", ("rmsd_reference", "median")),
-    Column("jitter", "px", ("jitter_px",)),
-    Column("drift", "px", ("drift_px",)),
-    Column("fit RMSE", "px", ("fit_rmse_px", "median")),
-    Column("sigma", "px", ("sigma_px", "median")),
-    Column("time", "s/frame", ("s_per_frame",)),
-    Column("peak", "MB", ("peak_mb",)),
-    Column("matches", "median", ("matches",)),
-    Column("inliers", "median", ("inliers",)),
+_ERROR = (
+    Column("error px", "median", ("error_px", "median"), "error, median, px"),
+    Column("", "95 %", ("error_px", "p95"), "error, 95 %, px"),
+    Column("", "max", ("error_px", "max"), "error, max, px"),
 )
-_FRAMES = (Column("tracked", "frames", ("tracked",)), Column("lost", "frames", ("lost",)))
+_COLUMNS = (
+    Column("displaced px", "median", ("displacement_reference_px", "median"), "displaced, median, px"),
+    Column("", "95 %", ("displacement_reference_px", "p95"), "displaced, 95 %, px"),
+    Column("RMSE", "px", ("rmse_reference_px", "median"), "RMSE, px"),
+    Column("RMSD", "levels", ("rmsd_reference", "median"), "RMSD, grey levels"),
+    Column("jitter", "px", ("jitter_px",), "jitter, px"),
+    Column("drift", "px", ("drift_px",), "drift, px"),
+    Column("fit RMSE", "px", ("fit_rmse_px", "median"), "fit RMSE, px"),
+    Column("sigma", "px", ("sigma_px", "median"), "sigma, px"),
+    Column("time", "s/frame", ("s_per_frame",), "time, s/frame"),
+    Column("peak", "MB", ("peak_mb",), "peak memory, MB"),
+    Column("matches", "median", ("matches",), "matches"),
+    Column("inliers", "median", ("inliers",), "inliers"),
+)
+_FRAMES = (
+    Column("tracked", "frames", ("tracked",), "tracked frames"),
+    Column("lost", "frames", ("lost",), "lost frames"),
+)
 
 
 def heads(of: Sequence[Column]) -> list[tuple[str, int]]:

@@ -44,7 +44,29 @@ UNITS: Mapping[str, str] = {
     "points_used": "",
     "points_beyond_range": "",
     "identical_frames": "",
+    "points_fixed_to_camera": "",
 }
+# what they are called in tables and reports
+TITLES: Mapping[str, str] = {
+    "rmsd_reference": "difference to the reference (RMSD)",
+    "rmsd_previous": "difference to the frame before (RMSD)",
+    "displacement_reference_px": "displacement from the reference",
+    "displacement_previous_px": "displacement from frame to frame",
+    "rmse_reference_px": "homologous points, reference (RMSE)",
+    "rmse_previous_px": "homologous points, frame to frame (RMSE)",
+    "checkpoints": "number of homologous points",
+    "shift_u_px": "shift to the right",
+    "shift_v_px": "shift down",
+    "position_error_m": "error of positions",
+    "velocity_error_m_s": "error of velocities",
+    "brightness_change": "change of brightness, 1 = 100 %",
+    "noise_sigma": "noise of the camera",
+    "points_used": "verification points in the means",
+    "points_beyond_range": "of these, beyond their range",
+    "identical_frames": "same picture before, times in a row",
+    "points_fixed_to_camera": "points that move with the camera",
+}
+COUNTS = frozenset({"checkpoints", "points_used", "points_beyond_range", "identical_frames", "points_fixed_to_camera"})
 # metrics that every verification point has as well
 POINT_METRICS = ("rmsd_reference", "rmsd_previous", "displacement_reference_px", "displacement_previous_px",
                  "shift_u_px", "shift_v_px")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,12 +15,17 @@ from stab_ros.metrics.statistics import Summary, summarize
 from stab_ros.metrics.velocity_field import Field, mean_field
 from stab_ros.metrics.verification import VerificationPoint
 
+_REMARKS_ON_HOT_PIXELS = ("the camera has hot or dead pixels: they are left out of every picture, and are no points",)
+_STABILISED = "image_stabilized"  # as such a topic ends
+
 
 @dataclass(frozen=True, eq=False)
 class TopicEvaluation:
     """The evaluation of one stream. reference: the given one, else its first frame. static: (P,) bool, at the end.
 
-    rows: one for each frame. fps: of the settings, else of the stream.
+    rows: one for each frame. fps: of the settings, else of the stream. camera_fixed: (P,) bool, points on something
+    that moves with the camera. hot_pixels: whether such were left out of all images. named: whether the points are the
+    user's.
     """
 
     topic: str
@@ -29,6 +35,9 @@ class TopicEvaluation:
     rows: tuple[FrameMetrics, ...]
     config: EvaluatorConfig
     fps: float
+    camera_fixed: BoolArray = dataclasses.field(default_factory=lambda: np.empty(0, bool))
+    hot_pixels: bool = False
+    named: bool = False
 
     @property
     def measured(self) -> tuple[FrameMetrics, ...]:
@@ -51,6 +60,19 @@ class TopicEvaluation:
         return [float(value) for value in values if np.isfinite(value)]
 
     @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the verification points could not see, one line each."""
+        return (*self._remarks_on_points(), *_REMARKS_ON_HOT_PIXELS[: self.hot_pixels])
+
+    def _remarks_on_points(self) -> tuple[str, ...]:
+        count, of = int(self.camera_fixed.sum()), len(self.points)
+        if not count:
+            return ()
+        seen = f"{count} of {of} verification points move with the camera, as dirt on the lens or an overlay does"
+        left = "they count all the same, as you named them" if self.named else "they are left out"
+        return (f"{seen}: {left}",)
+
+    @property
     def field(self) -> Field | None:
         """The residual velocity field, averaged over the frames where it was measured."""
         fields = [row.field for row in self.measured if row.field is not None]
@@ -65,3 +87,9 @@ class Evaluation:
     frames: int
     topics: tuple[TopicEvaluation, ...]
     warnings: tuple[str, ...]
+
+    @property
+    def stabilised_first(self) -> Evaluation:
+        """The same, with the stabilised streams before the raw ones, as tables and reports show them."""
+        ordered = sorted(self.topics, key=lambda one: not one.topic.endswith(_STABILISED))
+        return dataclasses.replace(self, topics=tuple(ordered))

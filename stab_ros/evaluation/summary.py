@@ -12,6 +12,7 @@ from stab_ros.core.types import FloatArray
 from stab_ros.evaluation.findings import Finding, Level, findings
 from stab_ros.evaluation.frame_metrics import POINT_METRICS, UNITS, FrameMetrics, Outcome
 from stab_ros.evaluation.results import Evaluation, TopicEvaluation
+from stab_ros.evaluation.verdict import verdict_of
 from stab_ros.metrics.spectra import jitter_and_drift
 from stab_ros.metrics.statistics import Summary
 from stab_ros.metrics.velocity_field import RegionVelocity
@@ -39,6 +40,10 @@ def topic_json(topic: TopicEvaluation) -> Json:
     found["size_px"] = list(topic.reference.size)
     found["settings"] = asdict(topic.config)
     found["jitter_px"], found["drift_px"] = unrest_px(topic)
+    found["points_left_out"] = _left_out(topic)
+    found["hot_pixels"] = topic.hot_pixels
+    found["remarks"] = list(topic.remarks)
+    found["verdict"] = verdict_of(topic).as_json()
     found["findings"] = _findings(topic)
     found["per_frame"] = [_frame(row) for row in topic.rows]
     return found
@@ -53,6 +58,12 @@ def summary_json(summary: Summary | None) -> Json:
             "whisker_high": summary.whisker_high, "outliers": len(summary.outliers)}
 
 
+def or_more(found: Json, statistic: str) -> bool:
+    """Whether a statistic of the displacement against the reference, of a stream or method, is cut at its range."""
+    beyond = found["points_beyond_range"].get(statistic)
+    return beyond is not None and bool(beyond > 0)
+
+
 def _region(region: RegionVelocity) -> Json:
     return {"region": region.region, "x_px": region.x_px, "y_px": region.y_px, "u_px": _finite(region.u_px),
             "v_px": _finite(region.v_px), "magnitude_px": _finite(region.magnitude_px), "vectors": region.vectors}
@@ -65,7 +76,14 @@ def _point(topic: TopicEvaluation, index: int) -> Json:
                for name in POINT_METRICS}
     return {"name": point.name, "x": point.x_px, "y": point.y_px, "a": fit.a, "b": fit.b, "r2": fit.r2,
             "by_direction": list(map(list, fit.by_direction)), "range_px": fit.range_px, "window_px": fit.window_px,
-            "static": bool(topic.static[index]), **medians}
+            "static": bool(topic.static[index]),
+            "fixed_to_camera": bool(len(topic.camera_fixed) and topic.camera_fixed[index]), **medians}
+
+
+def _left_out(topic: TopicEvaluation) -> Json:
+    """How many points are in no mean, by reason."""
+    fixed = int((~topic.static & topic.camera_fixed).sum()) if len(topic.camera_fixed) else 0
+    return {"fixed_to_camera": fixed, "moving": int((~topic.static).sum()) - fixed}
 
 
 def unrest_px(topic: TopicEvaluation) -> tuple[float | None, float | None]:

@@ -160,8 +160,10 @@ class _Judge:
         """The result, after the last frame."""
         evaluator, reference, evaluation = self._evaluator, self._evaluator.reference, None
         if reference is not None:
-            evaluation = TopicEvaluation(name, reference, evaluator.points, evaluator.static, tuple(self._rows),
-                                         evaluator.config, evaluator.config.fps or self._fps)
+            evaluation = TopicEvaluation(name, reference, evaluator.points, evaluator.static,
+                                         tuple(map(evaluator.revised, self._rows)),
+                                         evaluator.config, evaluator.config.fps or self._fps,
+                                         evaluator.camera_fixed, evaluator.has_hot_pixels, evaluator.points_are_named)
         return MethodResult(name, tuple(self._passages), evaluation, peak_mb)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from stab_ros.evaluation.comparison_results import Comparison
 from stab_ros.evaluation.comparison_summary import as_json
 from stab_ros.evaluation.comparison_table import Column, at, columns
-from stab_ros.evaluation.summary import Json
+from stab_ros.evaluation.summary import Json, or_more
 from stab_ros.jobs.compare import RAW
 
 _GAP = "  "
@@ -30,7 +30,13 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def _row(name: str, found: Json, of: Sequence[Column]) -> list[str]:
-    return [name, *(written(at(found, column.place)) for column in of)]
+    return [name, *(_more(found, column) + written(at(found, column.place)) for column in of)]
+
+
+def _more(found: Json, column: Column) -> str:
+    """">" before a displacement that is cut at its range."""
+    name, *statistic = column.place
+    return ">" if name == "displacement_reference_px" and or_more(found, statistic[0]) else ""
 
 
 def written(value: float | None) -> str:

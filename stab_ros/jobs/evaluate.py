@@ -114,7 +114,9 @@ class _Work:
         assert reference is not None  # a source without a readable image raises
         return TopicEvaluation(
             self._stream.source.image_topic, reference, self._evaluator.points, self._evaluator.static,
-            tuple(self._rows), config, config.fps or job.fps or self._stream.source.rate_hz())
+            tuple(map(self._evaluator.revised, self._rows)), config,
+            config.fps or job.fps or self._stream.source.rate_hz(),
+            self._evaluator.camera_fixed, self._evaluator.has_hot_pixels, self._evaluator.points_are_named)
 
     def _step(self, item: Picture | Message) -> None:
         for arrival in self._of_picture(item) if isinstance(item, Picture) else self._of_message(item):

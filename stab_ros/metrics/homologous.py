@@ -14,6 +14,7 @@ import numpy as np
 
 from stab_ros.core.geometry import apply, is_plausible, level_scale
 from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, IdArray
+from stab_ros.metrics.camera_fixed import MOVED_PX, in_place
 
 _TILES = 32
 _TILE_PX = 96
@@ -26,6 +27,7 @@ _RATIO = 0.8  # best to second distance of descriptors, Lowe 2004, section 7.1
 _GATE_PX = 1.0  # inlier threshold of the ground plane; other matches are wrong or on water
 _SIZE_RATIO = 3  # a consensus set this many times smaller than the largest is not ground
 _MIN_POINTS = 8  # for an RMSE
+_AT_REST_PX = 1.0  # median motion of a group that stands still in the picture
 _SUFFICIENT_POINTS = 24  # with fewer, the coarse search is tried
 _MAX_TILE_SHIFT_PX = 12.0  # with a larger shift the tiles are moved; otherwise points that moved least are preferred
 
@@ -82,7 +84,8 @@ class HomologousPoints:
         self._location = location.reshape(-1)
 
     def measure(self, current: Gray, valid: BoolArray, previous: Gray | None = None,
-                previous_valid: BoolArray | None = None) -> Rmse:
+                previous_valid: BoolArray | None = None, previous_fixed_H_ref: Homography | None = None,
+                *, fixed_H_ref: Homography | None = None) -> Rmse:
         """RMSE (Zhang et al. 2023, eq. 7) against the reference and against the previous image.
 
         The comparison with the previous image uses only the ground points of the comparison with the reference. Water
@@ -93,38 +96,44 @@ class HomologousPoints:
             valid: (h, w) bool, False in the black border of `current`.
             previous: (h, w) uint8; None without a previous image.
             previous_valid: (h, w) bool, of `previous`.
+            previous_fixed_H_ref: (3, 3), of `previous`.
+            fixed_H_ref: (3, 3), from a place in the reference to that in `current` where the same pixel of the camera
+                is: what stays there is no ground. None: unknown.
 
         Raises:
             ValueError: an image or its mask differs in shape.
         """
-        current_matches = self._match_ground(current, valid, self._tiles, self._corners)
+        current_matches = self._match_ground(current, valid, self._tiles, self._corners, fixed_H_ref)
         reference_px, previous_px = rmse(self._location_px[current_matches.location], current_matches.px), None
         if reference_px is not None and previous is not None and previous_valid is not None:
             tiles = np.unique(self._points.tile[np.isin(self._location, current_matches.location)])
-            previous_matches = self._match_ground(previous, previous_valid, tiles, current_matches.corners)
+            previous_matches = self._match_ground(previous, previous_valid, tiles, current_matches.corners,
+                                                  previous_fixed_H_ref)
             _, here, there = np.intersect1d(current_matches.location, previous_matches.location, return_indices=True)
             previous_px = rmse(previous_matches.px[there], current_matches.px[here])
         return Rmse(reference_px, previous_px, len(current_matches.location), current_matches.ref_H_cur)
 
-    def _match_ground(self, image: Gray, valid: BoolArray, tiles: IdArray, corners: IdArray) -> _GroundMatches:
+    def _match_ground(self, image: Gray, valid: BoolArray, tiles: IdArray, corners: IdArray,
+                      fixed_H_ref: Homography | None) -> _GroundMatches:
         """The reference's points in `image`: in `tiles` at `corners`, and again in moved tiles if necessary."""
         if image.shape != self._image.shape or valid.shape != image.shape:
             raise ValueError(f"an image of {image.shape} and valid of {valid.shape}, both must be "
                              f"{self._image.shape} as the reference")
-        found = self._match_in_tiles(image, valid, tiles, corners)
+        found = self._match_in_tiles(image, valid, tiles, corners, fixed_H_ref)
         plane = found.ref_H_cur if len(found.location) >= _SUFFICIENT_POINTS else self._coarse_sift.ref_H_cur(image)
         if plane is None:
             return found
         followed = self._moved_corners(plane)
         if np.abs(followed - corners)[tiles].max(initial=0) < _MAX_TILE_SHIFT_PX:
             return found
-        moved = self._match_in_tiles(image, valid, tiles, followed)
+        moved = self._match_in_tiles(image, valid, tiles, followed, fixed_H_ref)
         return max(found, moved, key=lambda ground: len(ground.location))
 
-    def _match_in_tiles(self, image: Gray, valid: BoolArray, tiles: IdArray, corners: IdArray) -> _GroundMatches:
+    def _match_in_tiles(self, image: Gray, valid: BoolArray, tiles: IdArray, corners: IdArray,
+                        fixed_H_ref: Homography | None) -> _GroundMatches:
         found = self._sift.key_points(image, valid, tiles, corners)
         in_reference, in_image = _matches(self._points, found, tiles)
-        ref_H_cur, agrees = _plane(found.px[in_image], self._points.px[in_reference], image.shape)
+        ref_H_cur, agrees = _ground(found.px[in_image], self._points.px[in_reference], image.shape, fixed_H_ref)
         location, first = np.unique(self._location[in_reference[agrees]], return_index=True)
         return _GroundMatches(location, found.px[in_image[agrees]][first], ref_H_cur, corners)
 
@@ -247,21 +256,42 @@ def _passes_ratio_test(distance2: FloatArray) -> BoolArray:
     return np.asarray((distance2 == best[:, None]) & (best < _RATIO**2 * second)[:, None])
 
 
+def _ground(current_px: FloatArray, reference_px: FloatArray, shape: tuple[int, ...],
+            fixed_H_ref: Homography | None) -> tuple[Homography | None, BoolArray]:
+    """As `_plane`, but what stays in place in the camera while the rest moves is an overlay or dirt, and no ground."""
+    if fixed_H_ref is not None:
+        moves = ~in_place(reference_px, current_px, fixed_H_ref, _GATE_PX)
+        if (~moves).sum() >= _MIN_POINTS:
+            H, agrees = _plane(current_px[moves], reference_px[moves], shape)
+            if agrees.sum() >= _SUFFICIENT_POINTS:
+                return H, _among(moves, agrees)
+    return _plane(current_px, reference_px, shape)
+
+
+def _among(which: BoolArray, agrees: BoolArray) -> BoolArray:
+    """(n,) bool from one for each of those in `which`, (n,) bool."""
+    found = np.zeros_like(which)
+    found[which] = agrees
+    return found
+
+
 def _plane(current_px: FloatArray, reference_px: FloatArray, shape: tuple[int, ...],
            gate_px: float = _GATE_PX) -> tuple[Homography | None, BoolArray]:
     """Homography of the ground, if plausible, and its inliers (n,) bool among the pairs (n, 2).
 
     Ground surrounds the water. Of the two largest consensus sets, the one with the larger spatial extent is ground,
     unless it is much smaller. The number of points alone is not sufficient where half of the image is water that keeps
-    its texture.
+    its texture. If one of them stands still in the picture and the other does not, one may be an overlay on all of it:
+    then ground is what is seen over the larger area, however many points the text has.
     """
     H, agrees = _consensus(current_px, reference_px, shape, gate_px)
     rest = np.flatnonzero(~agrees)
-    if H is None or len(rest) < agrees.sum() / _SIZE_RATIO:
+    if H is None or len(rest) < min(agrees.sum() / _SIZE_RATIO, _SUFFICIENT_POINTS):
         return H, agrees
     other_H, others = _consensus(current_px[rest], reference_px[rest], shape, gate_px)
-    other = np.zeros_like(agrees)
-    other[rest[others]] = True
+    other = _among(~agrees, others)
+    if _one_is_an_overlay(current_px, reference_px, agrees, other):
+        return max((H, agrees), (other_H, other), key=lambda one: _area(reference_px[one[1]]))
     if (other.sum() * _SIZE_RATIO < agrees.sum()
             or _spatial_extent(reference_px[other]) <= _spatial_extent(reference_px[agrees])):
         return H, agrees
@@ -282,7 +312,21 @@ def _consensus(current_px: FloatArray, reference_px: FloatArray, shape: tuple[in
 
 def _spatial_extent(px: FloatArray) -> float:
     """Number of points times the area of their covariance ellipse, px^2."""
-    return float(len(px) * np.sqrt(max(0.0, np.linalg.det(np.cov(px.T)))))
+    return len(px) * _area(px)
+
+
+def _area(px: FloatArray) -> float:
+    """Of the covariance ellipse of points, px^2."""
+    return float(np.sqrt(max(0.0, np.linalg.det(np.cov(px.T)))))
+
+
+def _one_is_an_overlay(current_px: FloatArray, reference_px: FloatArray, one: BoolArray, other: BoolArray) -> bool:
+    """Whether of two large groups of pairs one stands still in the picture, and the other has moved."""
+    if min(one.sum(), other.sum()) < _SUFFICIENT_POINTS:
+        return False
+    moved_px = np.hypot(*(current_px - reference_px).T)
+    still, moved = sorted((float(np.median(moved_px[one])), float(np.median(moved_px[other]))))
+    return still < _AT_REST_PX and moved > MOVED_PX
 
 
 class _CoarseSift:

@@ -54,7 +54,7 @@ def spectrum_panels(topics: Sequence[TopicEvaluation]) -> list[Panel]:
         if len(u.frequency_hz) > 1:
             found = True
             axes.loglog(u.frequency_hz[1:], u.density_px2_hz[1:] + v.density_px2_hz[1:], linewidth=1.2,
-                        color=stream_color(index, len(topics)), label=topic.topic)
+                        color=stream_color(index), label=topic.topic)
     if not found:
         return [Panel(title, "Too few frames were measured for a spectrum; it takes at least 4.")]
     axes.axvline(SPLIT_HZ, color="#888888", linewidth=0.8, linestyle="--")

@@ -9,10 +9,10 @@ from markupsafe import Markup
 
 from stab_ros.core.progress import Progress
 from stab_ros.core.settings import settings_of
-from stab_ros.evaluation.frame_metrics import UNITS
+from stab_ros.evaluation.frame_metrics import TITLES, UNITS
 from stab_ros.evaluation.results import Evaluation
 from stab_ros.evaluation.settings import EvaluatorConfig
-from stab_ros.evaluation.summary import as_json
+from stab_ros.evaluation.summary import as_json, or_more
 from stab_ros.report.boxes import box_panels
 from stab_ros.report.calibration import calibration_panels
 from stab_ros.report.maps import field_panels, point_panels
@@ -22,9 +22,9 @@ from stab_ros.report.overlay import overlay_panels
 from stab_ros.report.panel import Section
 from stab_ros.report.pictures import ReportImages, Streams, read_pictures
 from stab_ros.report.rendering import embedded, own_file, rendered, write_page
-from stab_ros.report.scrub import scrub_of
+from stab_ros.report.scrub import Scrub, scrub_of
 from stab_ros.report.series import series_panels
-from stab_ros.report.verdict import brightest_frame, compared, extreme_frame
+from stab_ros.report.verdict import brightest_frame, compared, extreme_frame, short_name
 
 
 def write_report(evaluation: Evaluation, streams: Streams, folder: Path, progress: Progress) -> Path:
@@ -35,15 +35,16 @@ def write_report(evaluation: Evaluation, streams: Streams, folder: Path, progres
         WorkError: the disk is full.
     """
     pictures = read_pictures(evaluation, streams, progress)
-    return write_page(_page(evaluation, pictures), folder)
+    return write_page(_page(evaluation.stabilised_first, pictures, scrub_of(evaluation, pictures)), folder)
 
 
-def _page(evaluation: Evaluation, pictures: ReportImages) -> str:
-    tree, scrub = as_json(evaluation), scrub_of(evaluation, pictures)
+def _page(evaluation: Evaluation, pictures: ReportImages, scrub: Scrub) -> str:
+    tree = as_json(evaluation)
     numbers = Numbers(tree)
     return rendered(
-        "template.html", n=numbers, json=tree, data=embedded(tree), units=UNITS, meanings=_meanings(),
-        compared=compared(tree), extreme_frame=extreme_frame, brightest_frame=brightest_frame,
+        "template.html", n=numbers, json=tree, data=embedded(tree), units=UNITS, titles=TITLES,
+        meanings=_meanings(), compared=compared(tree), more=or_more, short=short_name,
+        extreme_frame=extreme_frame, brightest_frame=brightest_frame,
         script=Markup(own_file("scrub.js")), sections=list(_sections(evaluation, pictures, numbers)), scrub=scrub,
         scrub_data=embedded({"labels": scrub.labels, "streams": [uris for _, uris in scrub.streams]}))
 

@@ -18,7 +18,7 @@ from stab_ros.core.types import Frame, Gray, Image
 
 WIDTH_IN, _DPI = 5.2, 150  # 11 pt text stays legible on a phone
 REFERENCE_COLOR, PREVIOUS_COLOR, LOST_COLOR = "#1f5f99", "#e08214", "#c0392b"
-_STREAM_COLORS = ("#b2601a", "#1f6fb2", "#3b8a4d", "#8a4d9e")  # raw first, as in the tables
+_STREAM_COLORS = ("#1f6fb2", "#b2601a", "#3b8a4d", "#8a4d9e")  # the stabilised one first, as in the tables
 _FONT_PT = 11
 _JPEG_QUALITY = 75
 _FEW_DECADES = 2.0
@@ -103,9 +103,9 @@ def gray_of(frame: Frame) -> Gray:
     return to_gray(frame, grey_range(frame))
 
 
-def stream_color(index: int, count: int) -> str:
+def stream_color(index: int) -> str:
     """The colour of a stream; that of the stabilised one is the same with and without the raw one."""
-    return _STREAM_COLORS[(index + 1 if count == 1 else index) % len(_STREAM_COLORS)]
+    return _STREAM_COLORS[index % len(_STREAM_COLORS)]
 
 
 def drawn(figure: Figure, title: str, caption: str, alt: str, photo: bool = False) -> Panel:

@@ -30,7 +30,7 @@ def _panel(topics: Sequence[TopicEvaluation], short: str, title: str, unit: str,
     figure, axes = new_axes(3.5 + _LEGEND_IN * len(topics))
     drawn_any = False
     for index, topic in enumerate(topics):
-        color = stream_color(index, len(topics))
+        color = stream_color(index)
         for name, style in zip(names, ("-", ":"), strict=True):
             against = "reference" if "reference" in name else "previous"
             drawn_any |= _line(axes, topic, name, f"{topic.topic}, {against}", color, style)

@@ -41,7 +41,7 @@ from stab_ros.core.types import Frame
 from stab_ros.io.bag import Topic
 from stab_ros.io.image_topic import read_content
 from stab_ros.io.protobuf import protobuf_fields
-from stab_ros.io.source import Picture, open_source, read_again
+from stab_ros.io.source import Clock, Picture, open_source, read_again
 from stab_ros.synthetic.flight import Shot
 
 
