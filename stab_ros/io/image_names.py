@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm", ".pnm", ".jp2")
-_OTHER_SUFFIXES = (".gif", ".heic", ".heif", ".avif", ".jxl", ".exr", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf",
+UNREAD_SUFFIXES = (".gif", ".heic", ".heif", ".avif", ".jxl", ".exr", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf",
                    ".orf", ".rw2")  # of pictures that are not read
 _BAG_SUFFIXES = (".mcap", ".bag", ".db3")
 _NUMBER = re.compile("([0-9]+)")
@@ -27,7 +27,7 @@ def image_files(folder: Path) -> list[Path]:
 def unread_kinds(folder: Path) -> list[str]:
     """Suffixes of pictures in the folder that cannot be read, and stand for none of its images, as `.gif`."""
     images = {file.stem for file in _with_suffix(folder, IMAGE_SUFFIXES)}
-    return sorted({file.suffix.lower() for file in _with_suffix(folder, _OTHER_SUFFIXES) if file.stem not in images})
+    return sorted({file.suffix.lower() for file in _with_suffix(folder, UNREAD_SUFFIXES) if file.stem not in images})
 
 
 def name_remarks(folder: Path, files: Sequence[Path]) -> list[str]:

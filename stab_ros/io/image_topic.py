@@ -34,7 +34,7 @@ _TRANSPORTS = {COMPRESSED_IMAGE: ("/compressed", "/compressedDepth"), FFMPEG_PAC
 _LISTED = 5  # topics that an error names
 _REPUBLISH = "play it through `ros2 run image_transport republish {} raw` and record that"
 # what to do about images of a type that is not read
-_TO_DO: Mapping[str, str] = MappingProxyType({
+TO_DO: Mapping[str, str] = MappingProxyType({
     "theora_image_transport/msg/Packet": _REPUBLISH.format("theora"),
     "h264_msgs/msg/Packet": _REPUBLISH.format("h264"),
 })
@@ -106,7 +106,7 @@ def no_images(name: str, topics: Mapping[str, Topic]) -> InputError:
     found = sorted(topics.values(), key=lambda topic: topic.name)
     shown = ", ".join(one_line(f"{topic.name} ({_kind(topic)})") for topic in found[:_LISTED])
     holds = f"only {shown}{' and others' * (len(found) > _LISTED)}" if found else "and no other topics"
-    to_do = [f"; {_TO_DO[topic.msgtype]}" for topic in found if topic.msgtype in _TO_DO][:1]
+    to_do = [f"; {TO_DO[topic.msgtype]}" for topic in found if topic.msgtype in TO_DO][:1]
     types = ", ".join((*IMAGE_TYPES, COMPRESSED_VIDEO, FFMPEG_PACKET))
     return InputError(f"{name}: holds no images, {holds}; it must have a topic of one of {types}{''.join(to_do)}")
 

@@ -299,3 +299,16 @@ def test_grey_and_alpha_come_as_they_are(tmp_path: Path) -> None:
     frames, warnings = read(tmp_path)
     assert ([frame.encoding for frame in frames], warnings) == (["bgr8", "mono8", "bgra8", "bgra8"], [])
     assert cv2.countNonZero(frames[2].image[:, :, 3]) == SIZE[0] * SIZE[1]
+
+
+def test_values_of_16_bits_and_floating_ones_come_as_they_are(tmp_path: Path) -> None:
+    thermal = picture()[:, :, 1].astype(np.uint16) + np.uint16(7400)
+    kelvin = (290 + picture()[:, :, 0] / 50).astype(np.float32)
+    Pillow.fromarray(thermal).save(tmp_path / "1.tif")
+    tifffile.imwrite(tmp_path / "2.tif", thermal)
+    cv2.imwrite(str(tmp_path / "3.tif"), np.dstack([thermal] * 3))
+    tifffile.imwrite(tmp_path / "4.tif", kelvin)
+    frames, warnings = read(tmp_path)
+    assert ([frame.encoding for frame in frames], warnings) == (["mono16", "mono16", "bgr16", "32FC1"], [])
+    for frame, expected in zip(frames, (thermal, thermal, np.dstack([thermal] * 3), kelvin), strict=True):
+        np.testing.assert_array_equal(frame.image, expected)

@@ -27,7 +27,8 @@ def test_executable_has_something_to_run(name: str) -> None:
     assert inspect.signature(script.load()).return_annotation == "int"  # its exit code
 
 
-def test_parameters_are_documented_as_they_are() -> None:
-    make = [sys.executable, str(ROOT / "docs/make_parameters.py")]
+@pytest.mark.parametrize("page", ["parameters", "inputs"])
+def test_pages_of_tables_are_as_the_code_is(page: str) -> None:
+    make = [sys.executable, str(ROOT / f"docs/make_{page}.py")]
     made = subprocess.run(make, capture_output=True, text=True, check=True).stdout
-    assert (ROOT / "docs/parameters.md").read_text(encoding="utf-8") == made
+    assert (ROOT / f"docs/{page}.md").read_text(encoding="utf-8") == made

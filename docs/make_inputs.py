@@ -1,0 +1,154 @@
+"""Prints docs/inputs.md from the tables by which inputs are read.
+
+python docs/make_inputs.py > docs/inputs.md
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from stab_ros.core.types import CHANNELS, Frame
+from stab_ros.io.coded_message import CDR_DEFINITIONS, PROTOBUF_FIELDS
+from stab_ros.io.encodings import DECODED
+from stab_ros.io.image_message import IMAGE_TYPES
+from stab_ros.io.image_names import IMAGE_SUFFIXES, UNREAD_SUFFIXES
+from stab_ros.io.image_topic import TO_DO
+from stab_ros.io.rosbag2_folder import PART_SUFFIXES
+from stab_ros.io.video import VIDEO_SUFFIXES
+from stab_ros.io.video_decoder import DECODERS
+
+_PAGE = """# Inputs
+
+**Answers:** which files, encodings, containers and codecs are read, what is said where they are not, and how to convert those.
+**For:** users. This page is made by `python docs/make_inputs.py > docs/inputs.md`.
+
+`stab-ros info INPUT` tells what an input holds, and what is odd about it.
+
+## Recordings
+
+| what | how it is read |
+|---|---|
+| {bags} and folders of them | rosbag2, MCAP or sqlite3; messages or files compressed by zstd; MCAP chunks with zstd, lz4 or none; CDR of either byte order, XCDR2 of final types |
+| a split recording | in the order of time. Parts that are missing, damaged or not listed in `metadata.yaml` are named; without `metadata.yaml` all parts are taken. A `metadata.yaml` of another program makes no bag |
+| `.bag`, and MCAP with messages of ROS 1 | converted to CDR, with the types of Jazzy |
+| attachments and metadata of an MCAP | `stabilize`, `convert` and `recover` copy them byte for byte; `info` lists them |
+| a damaged recording | every message that can be read is; what is lost is said. `stab-ros recover` makes a whole file of it |
+
+A file that is compressed as a whole is unpacked into the folder for temporary files, and may take half of the space that is free there.
+
+### Images in a recording
+
+| type of the topic | encoding of its messages |
+|---|---|
+{types}
+
+Coded video ({codecs}) is decoded from the first key frame on. Frames before it, and after a packet that is damaged or missing until the
+next key frame, are LOST. Each message is one frame, with its own stamp. With a PyAV older than 16, a missing packet of H.265 goes unnoticed.
+Packets of VP9 have no numbers, so a missing one shows as smear until the next key frame. The live tracker takes no coded video.
+
+A recording without such a topic is refused with the list of its topics. Video of other plugins:
+
+{republish}
+
+### Encodings of sensor_msgs/Image
+
+| `encoding` | the frame is | `image_stabilized` leaves as |
+|---|---|---|
+{encodings}
+
+More than 8 bits are reduced for the tracker alone: the range of values is that of the reference, from the 0.1 to the 99.9 percentile, with room
+for darker and brighter frames. Zeros, and what is not finite, count as no data. Not read:
+
+| encoding | what to do |
+|---|---|
+| packed or not in whole bytes (`mono10`, `mono12p`, `bayer_rggb12`) | let the driver publish Mono16, BayerRG16 or Mono8 |
+| planar YUV (`nv12`, `nv21`, `i420`) | let the driver publish bgr8 or yuv422_yuy2, or convert it by a node |
+| a coded picture in an Image (`jpeg`, `h264`) | publish it as sensor_msgs/CompressedImage |
+| `64FC1`, signed integers | convert it to 32FC1 or 16UC1 |
+
+### sensor_msgs/CompressedImage
+
+JPEG, PNG, TIFF and WebP, with 8 or 16 bits; `compressedDepth` as PNG (16UC1, and 32FC1 with its quantisation). The content counts, not
+`format`. A JPEG that is cut short is LOST.
+
+## Videos
+
+Containers: {videos}.
+
+Codecs: what the FFmpeg of PyAV decodes: H.264, H.265, AV1, VP9, MPEG-2, ProRes, MJPEG, GIF and many more, with 8 to 16 bits. Frames become
+bgr8, as a player shows them: turned as the file says, fields of interlaced video filled in (bwdif), colour by the file's matrix and range. Of several
+video streams the one that FFmpeg takes for the main one is read; previews are left out. For any other codec:
+
+    ffmpeg -i IN -c:v libx264 -crf 12 OUT.mp4
+
+**Time.** Frames are stamped 1 s + their time of presentation. Where that follows the nominal rate as closely as the clock of the file can say, it is
+exactly 1 s + frame / rate. `--fps` sets a constant rate in its place. Raw H.264 and H.265, and AVI with B-frames, hold no such times:
+the nominal rate counts, else 25 frames/s.
+
+A video that is cut short is read up to its last whole frame, and that is said. An mp4 without its index (`moov`) cannot be read: its camera
+was switched off while it recorded; tools such as untrunc repair it.
+
+PyAV's wheels bundle FFmpeg (LGPL) with the encoders x264 and x265 (GPL), which are not used here. Under apt, `python3-av` uses the FFmpeg of the system.
+
+## Folders of images
+
+| | |
+|---|---|
+| read | {images} |
+| not read, but named | {unread} |
+| order | by the numbers in the names, `frame2` before `frame10`; said where the alphabet has another order |
+| left out | hidden files, as a Mac's `._IMG_1.JPG`; folders; files that are no images |
+| TIFF | page by page, strips or tiles, BigTIFF too; pages of another size are previews and left out |
+| orientation (EXIF) | all are turned as the first image says, and that is said |
+| time | 1 s + frame / `--fps` (25 if not given). Where the times of EXIF say another rate, a warning names it |
+| animations (APNG, WebP) | refused, with the command that takes them apart |
+| sizes | all images must have one size; grey, colour and alpha may alternate |
+
+## Times of a recording
+
+The stamp of an image is that of its header. Images that were logged up to eight places late are put in the order of their stamps.
+Where header stamps contradict the log by a factor of three or more, are mostly zero, or jump, `stabilize`, `evaluate`, `compare` and `info` warn;
+`--time log` then takes the log time for the stamp, in `H.csv` and in the messages that are written for the image. Other topics stay as they are.
+Bursts in the log, drift and a constant offset of the camera's clock are no contradiction.
+
+## When a new reference begins
+
+Another size or depth is another camera. Each new reference is a warning with frame and reason, and counted in `reset_counter`, with
+`reset_reason`, in `H.csv` and `~/track`.
+"""
+
+
+def _row(*cells: str) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _names(names: Iterable[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
+
+
+def _types() -> str:
+    rows = [(name, "CDR") for name in (*IMAGE_TYPES, *CDR_DEFINITIONS)]
+    return "\n".join(_row(f"`{name}`", encoding) for name, encoding in
+                     (*rows, *((name, "protobuf") for name in PROTOBUF_FIELDS)))
+
+
+def _encodings() -> str:
+    return "\n".join(_row(_names(name for name in DECODED if DECODED[name] == frame), frame, _leaves_as(frame))
+                     for frame in CHANNELS if frame in DECODED.values())
+
+
+def _leaves_as(encoding: str) -> str:
+    """What a frame of an encoding is once it is warped."""
+    dtypes = {"mono16": np.uint16, "bgr16": np.uint16, "32FC1": np.float32}
+    channels = CHANNELS[encoding]
+    shape = (8, 8) if channels == 1 else (8, 8, channels)
+    return Frame(np.zeros(shape, dtypes.get(encoding, np.uint8)), encoding, 0).warped_encoding
+
+
+if __name__ == "__main__":
+    print(_PAGE.format(
+        bags=_names(PART_SUFFIXES), types=_types(), codecs=", ".join(dict.fromkeys(DECODERS.values())),
+        republish="\n".join(f"- `{name}`: {advice}" for name, advice in TO_DO.items()), encodings=_encodings(),
+        videos=_names(VIDEO_SUFFIXES), images=_names(IMAGE_SUFFIXES), unread=_names(UNREAD_SUFFIXES)), end="")
