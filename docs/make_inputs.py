@@ -21,7 +21,8 @@ from stab_ros.io.video_decoder import DECODERS
 
 _PAGE = """# Inputs
 
-**Answers:** which files, encodings, containers and codecs are read, what is said where they are not, and how to convert those.
+**Answers:** which files, encodings, containers and codecs are read, what is said where they are not, and how to \
+convert those.
 **For:** users. This page is made by `python docs/make_inputs.py > docs/inputs.md`.
 
 `stab-ros info INPUT` tells what an input holds, and what is odd about it.
@@ -30,13 +31,18 @@ _PAGE = """# Inputs
 
 | what | how it is read |
 |---|---|
-| {bags} and folders of them | rosbag2, MCAP or sqlite3; messages or files compressed by zstd; MCAP chunks with zstd, lz4 or none; CDR of either byte order, XCDR2 of final types |
-| a split recording | in the order of time. Parts that are missing, damaged or not listed in `metadata.yaml` are named; without `metadata.yaml` all parts are taken. A `metadata.yaml` of another program makes no bag |
+| {bags} and folders of them | rosbag2, MCAP or sqlite3; messages or files compressed by zstd; MCAP chunks with zstd, \
+lz4 or none; CDR of either byte order, XCDR2 of final types |
+| a split recording | in the order of time. Parts that are missing, damaged or not listed in `metadata.yaml` are \
+named; without `metadata.yaml` all parts are taken. A `metadata.yaml` of another program makes no bag |
 | `.bag`, and MCAP with messages of ROS 1 | converted to CDR, with the types of Jazzy |
-| attachments and metadata of an MCAP | `stabilize`, `convert` and `recover` copy them byte for byte; `info` lists them |
-| a damaged recording | every message that can be read is; what is lost is said. `stab-ros recover` makes a whole file of it |
+| attachments and metadata of an MCAP | `stabilize`, `convert` and `recover` copy them byte for byte; `info` lists \
+them |
+| a damaged recording | every message that can be read is; what is lost is said. `stab-ros recover` makes a whole \
+file of it |
 
-A file that is compressed as a whole is unpacked into the folder for temporary files, and may take half of the space that is free there.
+A file that is compressed as a whole is unpacked into the folder for temporary files, and may take half of the space \
+that is free there.
 
 ### Images in a recording
 
@@ -44,9 +50,12 @@ A file that is compressed as a whole is unpacked into the folder for temporary f
 |---|---|
 {types}
 
-Coded video ({codecs}) is decoded from the first key frame on. Frames before it, and after a packet that is damaged or missing until the
-next key frame, are LOST. Each message is one frame, with its own stamp. With a PyAV older than 16, a missing packet of H.265 goes unnoticed.
-Packets of VP9 have no numbers, so a missing one shows as smear until the next key frame. The live tracker takes no coded video.
+Coded video ({codecs}) is decoded from the first key frame on. Frames before it, and after a packet that is damaged \
+or missing until the
+next key frame, are LOST. Each message is one frame, with its own stamp. With a PyAV older than 16, a missing packet \
+of H.265 goes unnoticed.
+Packets of VP9 have no numbers, so a missing one shows as smear until the next key frame. The live tracker takes no \
+coded video.
 
 A recording without such a topic is refused with the list of its topics. Video of other plugins:
 
@@ -58,39 +67,48 @@ A recording without such a topic is refused with the list of its topics. Video o
 |---|---|---|
 {encodings}
 
-More than 8 bits are reduced for the tracker alone: the range of values is that of the reference, from the 0.1 to the 99.9 percentile, with room
+More than 8 bits are reduced for the tracker alone: the range of values is that of the reference, from the 0.1 to the \
+99.9 percentile, with room
 for darker and brighter frames. Zeros, and what is not finite, count as no data. Not read:
 
 | encoding | what to do |
 |---|---|
-| packed or not in whole bytes (`mono10`, `mono12p`, `bayer_rggb12`) | let the driver publish Mono16, BayerRG16 or Mono8 |
+| packed or not in whole bytes (`mono10`, `mono12p`, `bayer_rggb12`) | let the driver publish Mono16, BayerRG16 or \
+Mono8 |
 | planar YUV (`nv12`, `nv21`, `i420`) | let the driver publish bgr8 or yuv422_yuy2, or convert it by a node |
 | a coded picture in an Image (`jpeg`, `h264`) | publish it as sensor_msgs/CompressedImage |
 | `64FC1`, signed integers | convert it to 32FC1 or 16UC1 |
 
 ### sensor_msgs/CompressedImage
 
-JPEG, PNG, TIFF and WebP, with 8 or 16 bits; `compressedDepth` as PNG (16UC1, and 32FC1 with its quantisation). The content counts, not
+JPEG, PNG, TIFF and WebP, with 8 or 16 bits; `compressedDepth` as PNG (16UC1, and 32FC1 with its quantisation). The \
+content counts, not
 `format`. A JPEG that is cut short is LOST.
 
 ## Videos
 
 Containers: {videos}.
 
-Codecs: what the FFmpeg of PyAV decodes: H.264, H.265, AV1, VP9, MPEG-2, ProRes, MJPEG, GIF and many more, with 8 to 16 bits. Frames become
-bgr8, as a player shows them: turned as the file says, fields of interlaced video filled in (bwdif), colour by the file's matrix and range. Of several
+Codecs: what the FFmpeg of PyAV decodes: H.264, H.265, AV1, VP9, MPEG-2, ProRes, MJPEG, GIF and many more, with 8 to \
+16 bits. Frames become
+bgr8, as a player shows them: turned as the file says, fields of interlaced video filled in (bwdif), colour by the \
+file's matrix and range. Of several
 video streams the one that FFmpeg takes for the main one is read; previews are left out. For any other codec:
 
     ffmpeg -i IN -c:v libx264 -crf 12 OUT.mp4
 
-**Time.** Frames are stamped 1 s + their time of presentation. Where that follows the nominal rate as closely as the clock of the file can say, it is
-exactly 1 s + frame / rate. `--fps` sets a constant rate in its place. Raw H.264 and H.265, and AVI with B-frames, hold no such times:
+**Time.** Frames are stamped 1 s + their time of presentation. Where that follows the nominal rate as closely as the \
+clock of the file can say, it is
+exactly 1 s + frame / rate. `--fps` sets a constant rate in its place. Raw H.264 and H.265, and AVI with B-frames, \
+hold no such times:
 the nominal rate counts, else 25 frames/s.
 
-A video that is cut short is read up to its last whole frame, and that is said. An mp4 without its index (`moov`) cannot be read: its camera
+A video that is cut short is read up to its last whole frame, and that is said. An mp4 without its index (`moov`) \
+cannot be read: its camera
 was switched off while it recorded; tools such as untrunc repair it.
 
-PyAV's wheels bundle FFmpeg (LGPL) with the encoders x264 and x265 (GPL), which are not used here. Under apt, `python3-av` uses the FFmpeg of the system.
+PyAV's wheels bundle FFmpeg (LGPL) with the encoders x264 and x265 (GPL), which are not used here. Under apt, \
+`python3-av` uses the FFmpeg of the system.
 
 ## Folders of images
 
@@ -108,14 +126,18 @@ PyAV's wheels bundle FFmpeg (LGPL) with the encoders x264 and x265 (GPL), which 
 
 ## Times of a recording
 
-The stamp of an image is that of its header. Images that were logged up to eight places late are put in the order of their stamps.
-Where header stamps contradict the log by a factor of three or more, are mostly zero, or jump, `stabilize`, `evaluate`, `compare` and `info` warn;
-`--time log` then takes the log time for the stamp, in `H.csv` and in the messages that are written for the image. Other topics stay as they are.
+The stamp of an image is that of its header. Images that were logged up to eight places late are put in the order of \
+their stamps.
+Where header stamps contradict the log by a factor of three or more, are mostly zero, or jump, `stabilize`, \
+`evaluate`, `compare` and `info` warn;
+`--time log` then takes the log time for the stamp, in `H.csv` and in the messages that are written for the image. \
+Other topics stay as they are.
 Bursts in the log, drift and a constant offset of the camera's clock are no contradiction.
 
 ## When a new reference begins
 
-Another size or depth is another camera. Each new reference is a warning with frame and reason, and counted in `reset_counter`, with
+Another size or depth is another camera. Each new reference is a warning with frame and reason, and counted in \
+`reset_counter`, with
 `reset_reason`, in `H.csv` and `~/track`.
 """
 

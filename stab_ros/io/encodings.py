@@ -31,7 +31,7 @@ DECODED = {
 }
 _PLANAR = "let the driver publish bgr8 or yuv422_yuy2, or convert it by a node, as isaac_ros_image_proc does"
 # what encodings of the field are not read, as patterns of the whole name, and what to do about each
-INSTEAD = {
+_INSTEAD = {
     r"(nv|i|yv|yuv)_?(12|16|21|24|61|411|420).*": _PLANAR,
     r"(.*[^0-9])?(10|12|14)([^0-9].*)?": "let the driver publish whole 16-bit values, as mono16 or bayer_rggb16, or "
                                          "8-bit ones (its pixel format Mono16, BayerRG16 or Mono8)",
@@ -74,7 +74,7 @@ def decode_image(message: ImageMessage) -> tuple[Image, str]:
 
 def _instead(encoding: str) -> str:
     """What to do about an encoding that is not read."""
-    for pattern, advice in INSTEAD.items():
+    for pattern, advice in _INSTEAD.items():
         if re.fullmatch(pattern, encoding[:40], re.IGNORECASE):
             return advice
     return f"it must be one of {', '.join(DECODED)}"

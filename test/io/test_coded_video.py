@@ -99,7 +99,8 @@ def check_same(found: Sequence[Any], expected: Sequence[Any]) -> None:
     ("libx265", compressed_video("h265"), COMPRESSED_VIDEO),
     ("libx265", ffmpeg_packet("hevc_vaapi;nv12;bgr8;rgb8"), FFMPEG_PACKET),
     ("libvpx-vp9", compressed_video("vp9"), COMPRESSED_VIDEO),
-    ("libsvtav1", protobuf_video("av1"), "foxglove.CompressedVideo")], ids=lambda one: one if isinstance(one, str) else "in")
+    ("libsvtav1", protobuf_video("av1"), "foxglove.CompressedVideo"),
+], ids=lambda one: one if isinstance(one, str) else "in")
 def test_each_format_in_each_message(
         flight: list[Shot], stamps_ns: list[int], tmp_path: Path, encoder: str, message: Message, msgtype: str) -> None:
     skip_without(encoder)
