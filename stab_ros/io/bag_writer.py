@@ -22,6 +22,7 @@ from stab_ros.io.mcap_contents import QOS_KEY, TYPE_HASH_KEY
 from stab_ros.io.mcap_extras import Extra
 from stab_ros.io.mcap_records import MAGIC
 from stab_ros.io.mcap_summary import end_with_extras
+from stab_ros.io.output_path import final_path
 
 _CHUNK_BYTES = 2**20  # a chunk is closed once it holds more: each image is its own chunk
 _CHUNK_SECONDS = 1.0  # a killed recorder loses no more than this
@@ -40,7 +41,7 @@ class BagWriter:
     """
 
     def __init__(self, path: Path, overwrite: bool = False) -> None:
-        self.path = path
+        self.path = path = final_path(path)
         self.partial = path.parent / f"{path.name}.partial"
         self._channels: dict[str, int] = {}
         self._topics: dict[str, Topic] = {}

@@ -8,6 +8,9 @@ from pathlib import Path
 
 from stab_ros.core.errors import InputError, WorkError
 from stab_ros.io.input_kind import Kind, check_input, kind_of
+from stab_ros.io.output_path import final_path
+
+_VIDEO = ".mp4"
 
 
 def check_output(path: Path, suffix: str, source: Path, force: bool) -> None:
@@ -22,12 +25,23 @@ def check_output(path: Path, suffix: str, source: Path, force: bool) -> None:
         raise InputError(f"{path}: an output of this kind must be called *{suffix}")
     if _within(path, source):
         raise InputError(f"{path}: is the input itself, the output must be another file")
+    if suffix == _VIDEO and not _is_utf8(path):
+        raise InputError(f"{path}: the name of a video must be UTF-8")
     if path.is_dir():
         raise InputError(f"{path}: is a folder, the output must be a file")
     if path.exists() and not force:
         raise InputError(f"{path}: exists already, give --force to overwrite it or another name")
     if not path.parent.is_dir():
         raise InputError(f"{path}: cannot be written, {path.parent} is not a folder; it must be one that exists")
+
+
+def _is_utf8(path: Path) -> bool:
+    """OpenCV crashes on any other name."""
+    try:
+        str(path.absolute()).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _within(path: Path, source: Path) -> bool:
@@ -38,7 +52,7 @@ def _within(path: Path, source: Path) -> bool:
 
 def partial_of(path: Path) -> Path:
     """The name until completion: `OUTPUT.mcap.partial`, but `V.partial.mp4` (FFmpeg goes by the suffix)."""
-    return path.with_suffix(".partial.mp4") if path.suffix == ".mp4" else path.with_name(path.name + ".partial")
+    return path.with_suffix(".partial.mp4") if path.suffix == _VIDEO else path.with_name(path.name + ".partial")
 
 
 @contextmanager
@@ -49,6 +63,7 @@ def completed(path: Path) -> Iterator[Path]:
         InputError: nothing can be written in this folder.
         WorkError: the finished file cannot be renamed.
     """
+    path = final_path(path)
     partial = partial_of(path)
     try:
         partial.write_bytes(b"")

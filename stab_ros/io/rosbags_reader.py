@@ -46,11 +46,19 @@ class RosbagsReader:
             self._reader.open()
         except _DAMAGE as error:
             raise InputError(f"{path}: cannot be read ({_reason(error)}), it must be a whole recording") from error
+        self._check_journal()
         filled = self._reader.message_count > 0
         self.start_ns = self._reader.start_time if filled else 0
         self.end_ns = self._reader.end_time - 1 if filled else 0  # rosbags gives the time after the last message
         for connection in self._reader.connections:
             self._take(connection)
+
+    def _check_journal(self) -> None:
+        """A recorder that was killed leaves the last messages in a second file, which is read by writing to both."""
+        journal = self.path.with_name(f"{self.path.name}-wal")
+        if journal.is_file() and journal.stat().st_size:
+            self._warn(f"{journal.name} beside it holds messages that are not read; unite both by sqlite3 "
+                       f"{self.path.name} 'pragma wal_checkpoint(truncate)'")
 
     def close(self) -> None:
         self._reader.close()

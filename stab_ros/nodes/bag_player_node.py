@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from stab_ros.io.topics import CLOCK_TOPIC
 from stab_ros.nodes import params
 from stab_ros.nodes.cdr_publisher import CdrPublisher
 from stab_ros.nodes.diagnostic_status import DiagnosticStatus
+from stab_ros.nodes.latched_messages import LatchedMessages
 from stab_ros.nodes.qos import replay_qos
 from stab_ros.nodes.runtime import StabNode, message_class
 from stab_ros.nodes.schedule import Schedule
@@ -121,17 +122,24 @@ class BagPlayerNode(StabNode):
         self._schedule = Schedule(start_ns, time.monotonic_ns(), self.settings.rate)
         total = sum(bag.topics[name].count for name in self._outputs)
         with tqdm(total=total, unit=" messages", disable=None) as progress:
+            latched = LatchedMessages(self._outputs)
             for message in bag.messages(self._outputs):
                 progress.update()
                 if message.log_time_ns < start_ns:
+                    latched.take(message)
                     continue
+                self._send(latched.release())
                 self._wait_until_due(message, spinner)
                 if spinner.stopping:
                     return
-                self._outputs[message.topic].send(message.data)
-                self._messages += 1
+                self._send([message])
         for warning in bag.warnings:
             self.get_logger().warning(warning)
+
+    def _send(self, messages: Iterable[Message]) -> None:
+        for message in messages:
+            self._outputs[message.topic].send(message.data)
+            self._messages += 1
 
     def _wait_until_due(self, message: Message, spinner: Spinner) -> None:
         schedule, wait_ns = self._schedule, 0

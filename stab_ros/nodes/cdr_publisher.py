@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from rclpy.duration import Duration
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from stab_ros.nodes.qos import publisher_events
 from stab_ros.nodes.runtime import StabNode
@@ -25,7 +25,7 @@ class CdrPublisher:
         self._node = node
         self._publisher = node.create_publisher(
             msg_class, topic, qos, event_callbacks=publisher_events(node, node.resolve_topic_name(topic)))
-        self._depth = qos.depth
+        self._qos = qos
         self._lossless = lossless
         self._pending = 0  # upper bound of the messages that are not acknowledged
         self._hung_subscribers = 0  # number of subscribers when `flush` gave up on them
@@ -36,11 +36,21 @@ class CdrPublisher:
         return str(self._publisher.topic_name)
 
     @property
+    def is_latched(self) -> bool:
+        """Whether later subscribers get the last messages, too."""
+        return bool(self._qos.durability == DurabilityPolicy.TRANSIENT_LOCAL)
+
+    @property
+    def depth(self) -> int:
+        """How many messages are kept for them."""
+        return int(self._qos.depth)
+
+    @property
     def subscribers(self) -> int:
         return int(self._publisher.get_subscription_count())
 
     def send(self, data: bytes) -> None:
-        if self._lossless and self._pending >= self._depth:
+        if self._lossless and self._pending >= self._qos.depth:
             self.flush()
         self._publisher.publish(data)
         self._pending += 1

@@ -30,7 +30,7 @@ def write_page(text: str, folder: Path) -> Path:
     path = folder / _NAME
     with completed(path) as partial:
         try:
-            partial.write_text(text, encoding="utf-8")
+            partial.write_text(text, encoding="utf-8", errors="replace")  # names of files may hold any bytes
         except OSError as error:
             raise WorkError(f"{path}: {error.strerror}") from error
     return path

@@ -239,3 +239,30 @@ def test_output_that_goes_nowhere_leaves_no_traceback(
     assert done.returncode == code
     assert done.stderr.startswith(says)
     assert done.stderr.count("\n") == bool(says)
+
+
+def test_an_output_that_is_a_link_is_written_to_where_it_leads(
+    recordings: dict[str, Path], command: Command, tmp_path: Path
+) -> None:
+    (tmp_path / "disk").mkdir()
+    names = {"out.mcap": "--force", "H.csv": "--homographies"}
+    for name in names:
+        (tmp_path / name).symlink_to(tmp_path / "disk" / name)
+    done = command("stabilize", recordings["mcap"], tmp_path / "out.mcap", "--homographies", tmp_path / "H.csv",
+                   "--force", "--limit", 2)
+    assert (done.returncode, done.stderr) == (0, "")
+    for name in names:
+        assert (tmp_path / name).is_symlink()
+        assert (tmp_path / "disk" / name).stat().st_size > 0
+
+
+def test_names_of_any_bytes(recordings: dict[str, Path], command: Command, tmp_path: Path) -> None:
+    source = tmp_path / "DJI_\udce9.mp4"  # as a camera or an old archive names it
+    source.write_bytes(recordings["video"].read_bytes())
+    output = tmp_path / "stabilised_\udce9.mcap"
+    assert command("info", source).returncode == 0
+    assert command("stabilize", source, output, "--limit", 2).returncode == 0
+    assert command("evaluate", output, "--report", tmp_path / "report").returncode == 0
+    done = command("stabilize", source, output, "--force", "--video", tmp_path / "\udce9.mp4")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "must be UTF-8" in done.stderr

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 import random
+import shutil
+import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -166,6 +169,24 @@ def test_damaged_sqlite3_and_ros1(tmp_path: Path, suffix: str) -> None:
         found = outcome(path)
         assert len(found.splitlines()) == 1 if isinstance(found, str) else all(
             len(line.splitlines()) == 1 for line in found.warnings)
+
+
+def test_messages_in_the_journal_of_a_killed_recorder_are_told(tmp_path: Path) -> None:
+    with Writer2(tmp_path / "bag", version=9) as writer:
+        connection = writer.add_connection("/notes", STRING, typestore=JAZZY)
+        for message in FLIGHT[1:5:2]:
+            writer.write(connection, message.log_time_ns, message.data)
+    with closing(sqlite3.connect(tmp_path / "bag" / "bag.db3")) as database:
+        database.execute("pragma journal_mode=wal")
+        database.execute("insert into messages select id + 10, topic_id, timestamp, data from messages")
+        database.commit()
+        shutil.copytree(tmp_path / "bag", tmp_path / "killed")
+    found = read(tmp_path / "killed")
+    assert len(found.messages) == 2
+    assert any("bag.db3-wal beside it holds messages that are not read" in line for line in found.warnings)
+    with closing(sqlite3.connect(tmp_path / "killed" / "bag.db3")) as database:  # as the warning says
+        database.execute("pragma wal_checkpoint(truncate)")
+    assert len(read(tmp_path / "killed").messages) == 4
 
 
 def bomb(path: Path, chunk: Chunk) -> Path:

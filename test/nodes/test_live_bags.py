@@ -103,6 +103,21 @@ def test_player_loops_from_its_offset_and_tells_the_time(graph: Graph, tmp_path:
     assert 1_900_000_000 in told_ns
 
 
+def test_a_replay_from_later_on_begins_with_what_was_latched(graph: Graph, tmp_path: Path) -> None:
+    bag = tmp_path / "bag.mcap"
+    with BagWriter(bag) as writer:
+        writer.add_topic(topic_of("/map", STRING, offers("reliable", "transient_local")))
+        writer.add_topic(topic_of("/said", STRING))
+        for name, data, time_ns in (("/map", "old", 10**9), ("/map", "new", 11 * 10**8), ("/said", "early", 12 * 10**8),
+                                    ("/said", "late", 2 * 10**9)):
+            writer.write(name, time_ns, time_ns, serialize_message(String(data=data)))
+    said, latched = graph.listen(String, "/said", KEEP_ALL), graph.listen(String, "/map", KEEP_ALL)
+    player = graph.start("bag_player_node", bag=str(bag), start_offset=0.5, wait_for_subscribers=2)
+    graph.until(lambda: said and len(latched) == 2, "the messages")
+    assert player.wait() == 0
+    assert ([one.data for one in said], [one.data for one in latched]) == (["late"], ["old", "new"])
+
+
 @pytest.mark.parametrize("clock", [True, False])
 def test_there_is_one_clock_though_the_bag_holds_another(clock: bool, graph: Graph, tmp_path: Path) -> None:
     bag, recorded_ns = tmp_path / "bag.mcap", 77 * 10**9

@@ -1,0 +1,10 @@
+"""Where an output is written to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def final_path(path: Path) -> Path:
+    """The file that a symbolic link leads to, which is replaced in place of the link; any other path is itself."""
+    return path.resolve() if path.is_symlink() else path
