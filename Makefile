@@ -91,6 +91,6 @@ $(INSTALLED): setup.py
 	@started_s=$$(date +%s); \
 	$(FIND_PYTHON); \
 	$(PY) -m pip --version >/dev/null 2>&1 || "$$found" -m venv --clear $(VENV) || exit; \
-	echo "install   $(VENV) with $$($(PY) --version); the first time this fetches about 240 MB ..."; \
+	echo "install   $(VENV) with $$($(PY) --version); the first time this fetches about 280 MB ..."; \
 	$(PY) -m pip install --editable '.[test]' && $(VENV)/bin/stab-ros warm-up && touch $@ && \
 	echo "install   done, with the inner loops compiled  $$(($$(date +%s) - started_s)) s"
