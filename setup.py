@@ -38,7 +38,7 @@ setup(
         "opencv-contrib-python-headless>=4.6",
         "numba>=0.58",
         "apsw>=3.45",
-        "av>=11.0",
+        "av>=12.0",
         'backports.zstd>=1.0; python_version < "3.14"',
         "lz4>=4.0",
         "Jinja2>=3.0",

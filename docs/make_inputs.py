@@ -81,9 +81,9 @@ Mono8 |
 
 ### sensor_msgs/CompressedImage
 
-JPEG, PNG, TIFF and WebP, with 8 or 16 bits; `compressedDepth` as PNG (16UC1, and 32FC1 with its quantisation). The \
-content counts, not
-`format`. A JPEG that is cut short is LOST.
+JPEG, PNG, TIFF and WebP, with 8 or 16 bits; `compressedDepth` as PNG (16UC1, and 32FC1 with its quantisation). \
+`format` tells coded video
+and `compressedDepth`; else the content counts. A JPEG that is cut short is LOST.
 
 ## Videos
 
@@ -91,9 +91,10 @@ Containers: {videos}.
 
 Codecs: what the FFmpeg of PyAV decodes: H.264, H.265, AV1, VP9, MPEG-2, ProRes, MJPEG, GIF and many more, with 8 to \
 16 bits. Frames become
-bgr8, as a player shows them: turned as the file says, fields of interlaced video filled in (bwdif), colour by the \
-file's matrix and range. Of several
-video streams the one that FFmpeg takes for the main one is read; previews are left out. For any other codec:
+bgr8 (grey ones mono8), as a player shows them: turned as the file says, fields of interlaced video filled in \
+(bwdif), colour by the file's matrix and range.
+Grey of more than 8 bits becomes mono16. Of several video streams the largest is read, and that is said; covers are \
+left out. For any other codec:
 
     ffmpeg -i IN -c:v libx264 -crf 12 OUT.mp4
 
@@ -156,6 +157,11 @@ def _types() -> str:
                      (*rows, *((name, "protobuf") for name in PROTOBUF_FIELDS)))
 
 
+def _codec(decoder: str) -> str:
+    """What FFmpeg's decoder decodes, in the usual words."""
+    return {"h264": "H.264", "hevc": "H.265", "libdav1d": "AV1"}.get(decoder, decoder.upper())
+
+
 def _encodings() -> str:
     return "\n".join(_row(_names(name for name in DECODED if DECODED[name] == frame), frame, _leaves_as(frame))
                      for frame in CHANNELS if frame in DECODED.values())
@@ -171,6 +177,7 @@ def _leaves_as(encoding: str) -> str:
 
 if __name__ == "__main__":
     print(_PAGE.format(
-        bags=_names(PART_SUFFIXES), types=_types(), codecs=", ".join(dict.fromkeys(DECODERS.values())),
+        bags=_names(PART_SUFFIXES), types=_types(), codecs=", ".join(dict.fromkeys(_codec(name) for name in \
+DECODERS.values())),
         republish="\n".join(f"- `{name}`: {advice}" for name, advice in TO_DO.items()), encodings=_encodings(),
         videos=_names(VIDEO_SUFFIXES), images=_names(IMAGE_SUFFIXES), unread=_names(UNREAD_SUFFIXES)), end="")

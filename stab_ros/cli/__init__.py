@@ -14,7 +14,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 from stab_ros.cli import compare, convert, evaluate, info, play, record, recover, stabilize, warm_up
-from stab_ros.cli.console import BAD_INPUT, BROKEN_OFF, INTERRUPTED, say
+from stab_ros.cli.console import BAD_INPUT, BROKEN_OFF, INTERRUPTED, say, tell
 from stab_ros.cli.options import Parser
 from stab_ros.core.errors import InputError, StabRosError
 from stab_ros.core.memory import keep_freed_memory
@@ -30,8 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     run: Callable[[argparse.Namespace], int] = options.run
     try:
         code = run(options)
-        if sys.stdout is not None:  # as with >&-
-            sys.stdout.flush()
+        tell()
         return code
     except StabRosError as error:
         say(str(error))
@@ -41,19 +40,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         say("interrupted; an unfinished output has .partial in its name")
         return INTERRUPTED
     except BrokenPipeError:  # the reader of the output has closed it, as in `stab-ros info BAG | head -1`
-        _discard_output()
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_OFF
-    except OSError as error:
-        if error.filename is not None:
-            raise
-        say(f"standard output cannot be written ({error.strerror}); it must lead to a terminal, a pipe or a file")
-        _discard_output()
-        return BROKEN_OFF
-
-
-def _discard_output() -> None:
-    """What is still buffered must not fail once more as the process ends."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _parser() -> Parser:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stab_ros.cli.console import DONE, progress_bar, quiet_libraries, tell_made, warn
+from stab_ros.cli.console import DONE, progress_bar, quiet_libraries, tell, tell_made, warn
 from stab_ros.cli.options import INPUT, add_force, add_time, assignment, command, names, positive_float, positive_int
 from stab_ros.core.errors import InputError
 
@@ -73,7 +73,7 @@ def _compare_methods(job: ComparisonJob, outputs: ResultOutputs) -> int:
     with quiet_libraries(), progress_bar("frames") as progress:
         comparison = compare(job, progress, compile_shown)
     warn(comparison.warnings)
-    print(as_text(comparison))
+    tell(as_text(comparison))
     with quiet_libraries(), progress_bar("frames") as progress:
         made = outputs.write(writers_of(comparison, job, progress))
     tell_made(made)
@@ -88,7 +88,7 @@ def _study(kind: str, job: ComparisonJob, outputs: ResultOutputs) -> int:
     with quiet_libraries(), progress_bar("frames") as progress:
         study = run_study(kind, job, progress, compile_shown)
     warn(study.warnings)
-    print(study_text(study))
+    tell(study_text(study))
     if outputs.json is not None:
         write_study(study, outputs.json)
         tell_made({"json": outputs.json})

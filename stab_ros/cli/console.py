@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, redirect_stderr
 from pathlib import Path
 
+from stab_ros.core.errors import WorkError
 from stab_ros.core.progress import Progress
 from stab_ros.core.text import one_line
 
@@ -20,10 +21,30 @@ def say(line: str) -> None:
     print("stab-ros:", one_line(line), file=sys.stderr)
 
 
+def tell(*lines: str) -> None:
+    """Prints lines on standard output, at once.
+
+    Raises:
+        WorkError: they cannot be written. BrokenPipeError: their reader is gone.
+    """
+    if sys.stdout is None:  # as with >&-
+        return
+    try:
+        for line in lines:
+            print(line)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # so that the rest does not fail again
+        raise WorkError(f"standard output cannot be written ({error.strerror}); it must lead to a terminal, a pipe or "
+                        "a file") from error
+
+
 def tell_made(made: Mapping[str, Path]) -> None:
     """Prints the path of every output, after its kind."""
     for name, path in made.items():
-        print(f"{name + ':':8} {path}")
+        tell(f"{name + ':':8} {path}")
 
 
 def warn(warnings: Iterable[str]) -> None:

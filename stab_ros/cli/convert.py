@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from stab_ros.cli.console import DONE, progress_bar, quiet_libraries, warn
+from stab_ros.cli.console import DONE, progress_bar, quiet_libraries, tell, warn
 from stab_ros.cli.options import INPUT, add_force, command, positive_float, positive_int
 
 
@@ -31,5 +31,5 @@ def run(options: argparse.Namespace) -> int:
     with quiet_libraries(), progress_bar("messages") as progress:
         done = convert(job, progress)
     warn(done.warnings)
-    print(f"{done.messages} messages\nbag: {job.output}")
+    tell(f"{done.messages} messages\nbag: {job.output}")
     return DONE

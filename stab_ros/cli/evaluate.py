@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from stab_ros.cli.console import DONE, progress_bar, quiet_libraries, tell_made, warn
+from stab_ros.cli.console import DONE, progress_bar, quiet_libraries, tell, tell_made, warn
 from stab_ros.cli.options import INPUT, add_force, add_time, assignment, command, positive_float, positive_int
 
 
@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
     with quiet_libraries(), progress_bar("frames") as progress:
         evaluation = evaluate(job, progress, compile_shown)
     warn(evaluation.warnings)
-    print(as_text(evaluation))
+    tell(as_text(evaluation))
     with quiet_libraries(), progress_bar("frames") as progress:
         made = outputs.write(writers_of(evaluation, job, progress))
     tell_made(made)

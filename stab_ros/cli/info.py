@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from stab_ros.cli.console import DONE, quiet_libraries, warn
+from stab_ros.cli.console import DONE, quiet_libraries, tell, warn
 from stab_ros.cli.options import INPUT, command
 
 
@@ -24,5 +24,5 @@ def run(options: argparse.Namespace) -> int:
     with quiet_libraries():
         lines, warnings = describe(options.bag)
     warn(warnings)
-    print("\n".join(lines))
+    tell("\n".join(lines))
     return DONE

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from stab_ros.cli.console import DONE, warn
+from stab_ros.cli.console import DONE, tell, warn
 from stab_ros.cli.options import add_force, command
 
 
@@ -27,5 +27,5 @@ def run(options: argparse.Namespace) -> int:
     check_output(options.fixed, ".mcap", options.broken, options.force)
     saved = recover(options.broken, options.fixed, options.force)
     warn(saved.warnings)
-    print(f"{saved.messages} messages on {saved.topics} topics\nbag: {options.fixed}")
+    tell(f"{saved.messages} messages on {saved.topics} topics\nbag: {options.fixed}")
     return DONE

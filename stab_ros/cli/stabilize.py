@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from stab_ros.cli.console import DONE, note, progress_bar, quiet_libraries, warn
+from stab_ros.cli.console import DONE, note, progress_bar, quiet_libraries, tell, warn
 from stab_ros.cli.options import INPUT, add_force, add_time, assignment, command, positive_float, positive_int
 
 
@@ -50,11 +50,11 @@ def run(options: argparse.Namespace) -> int:
         summary = stabilize(job, progress, compile_shown)
     note(summary.notes)
     warn(summary.warnings)
-    print(f"{summary.frames} frames: {summary.tracked} tracked, {summary.lost.total()} lost, "
+    tell(f"{summary.frames} frames: {summary.tracked} tracked, {summary.lost.total()} lost, "
           f"{summary.frames / summary.duration_s:.1f} frames/s")
     if summary.lost:
-        print(f"lost {summary.lost.total()} of {summary.frames}: {by_reason(summary.lost)}")
+        tell(f"lost {summary.lost.total()} of {summary.frames}: {by_reason(summary.lost)}")
     for name, path in (("bag", job.output), ("homographies", job.homographies), ("video", job.video)):
         if path is not None:
-            print(f"{name + ':':13} {path}")
+            tell(f"{name + ':':13} {path}")
     return DONE

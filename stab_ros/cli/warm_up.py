@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from stab_ros.cli.console import DONE
+from stab_ros.cli.console import DONE, tell
 from stab_ros.cli.options import command
 
 
@@ -19,5 +19,5 @@ def run(_options: argparse.Namespace) -> int:
     """Runs the command and returns its exit code."""
     from stab_ros.jobs.compiling import warm_up
 
-    print(warm_up())
+    tell(warm_up())
     return DONE

@@ -224,7 +224,8 @@ class Evaluator:
             values |= _rmse_values(rmse)
             field = measures.velocity.measure(view.gray, view.valid, rmse.ref_H_cur)
         return FrameMetrics(seen.arrival.index, seen.arrival.stamp_ns, Outcome.MEASURED,
-                            values | self._in_metres(values, seen, before), points, self.static, field)
+                            values | self._in_metres(values, seen, before), points, self.static, field,
+                            reference.beyond)
 
     def _clear_in(self, view: View) -> BoolArray:
         """(n,) bool: the points that nothing fixed to the camera disturbs in this frame; all of the user's."""
@@ -288,7 +289,7 @@ def _revised(metrics: FrameMetrics, static: BoolArray) -> dict[str, float]:
             found[ground] = before[ground] * scale
     used = static & np.isfinite(metrics.points["rmsd_reference"])
     return found | {"points_used": float(used.sum()),
-                    "points_beyond_range": min(before["points_beyond_range"], float(used.sum()))}
+                    "points_beyond_range": float((used & metrics.beyond).sum())}
 
 
 def _check_window(frame: Frame, reference_size: tuple[int, int] | None) -> None:

@@ -88,6 +88,7 @@ class FrameMetrics:
         points: for each name of `POINT_METRICS` the values of all verification points, (n,), NaN where there is none.
         static: (n,) bool, the points that count in the means.
         field: the residual velocity field, where it was due.
+        beyond: (n,) bool, the points whose displacement from the reference exceeds the range that can be measured.
     """
 
     frame: int
@@ -97,6 +98,7 @@ class FrameMetrics:
     points: Mapping[str, FloatArray] = dataclasses.field(default_factory=_no_points)
     static: BoolArray = dataclasses.field(default_factory=lambda: np.empty(0, bool))
     field: Field | None = None
+    beyond: BoolArray = dataclasses.field(default_factory=lambda: np.empty(0, bool))
 
     def __getitem__(self, name: str) -> float | None:
         return self.values.get(name)

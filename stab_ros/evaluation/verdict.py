@@ -14,6 +14,7 @@ _FACTOR = 2.0  # between two measures that agree
 _SIFT_FLOOR_PX = 1.0  # below it, SIFT and relief explain the difference
 _FEWEST_POINTS = 2
 _FEWEST_CHECKPOINTS = 24
+_FEWEST_CHECKED = 3  # frames in which homologous points were found, for a statement about all
 
 
 class Answer(Enum):
@@ -57,8 +58,12 @@ def verdict_of(topic: TopicEvaluation) -> Verdict:
 
 
 def _larger(points: Summary | None, homologous: Summary | None, saturated: bool) -> Summary:
-    """The displacement, unless it is unknown or cut at its range, or what is found again has moved far more."""
-    if homologous is None:
+    """The displacement, unless it is unknown or cut at its range, or what is found again has moved far more.
+
+    Homologous points are sought in every tenth frame only: a few of them do not stand for a short recording.
+    """
+    few = homologous is not None and homologous.count < _FEWEST_CHECKED and points is not None
+    if homologous is None or few:
         assert points is not None  # else there is a reason to say nothing
         return points
     cut = points is None or saturated or homologous.median > max(_FACTOR * points.median, _SIFT_FLOOR_PX)

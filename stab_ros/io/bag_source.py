@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import statistics
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 from stab_ros.core.errors import InputError
@@ -15,7 +16,7 @@ from stab_ros.io.camera_message import read_camera
 from stab_ros.io.cdr import CAMERA_INFO, COMPRESSED_IMAGE
 from stab_ros.io.frame_reader import DEFAULT_FPS, MAX_FPS
 from stab_ros.io.image_message import IMAGE_TYPES
-from stab_ros.io.image_topic import holds_images, namespace_of, no_images, stamp_of, video_format
+from stab_ros.io.image_topic import holds_images, namespace_of, no_images, restamped, stamp_of, video_format
 from stab_ros.io.picture import Clock, Picture, only_pictures, readable
 from stab_ros.io.picture_reader import with_pictures
 from stab_ros.io.stamp_check import StampCheck
@@ -107,10 +108,11 @@ class BagSource:
         check, by_log = StampCheck(), self.clock is Clock.LOG
         order = StampOrder([] if by_log else [name for name in (self.image_topic, *others) if self._can_sort(name)])
         in_order = order.sorted(self._first(messages, limit))
+        restamp = partial(restamped, topic=self.topics[self.image_topic])
         for item in with_pictures(in_order, self.topics[self.image_topic]):
             if isinstance(item, Picture):
                 check.add(item.stamp_ns, item.publish_time_ns, item.log_time_ns)
-            yield item.stamped_as_logged() if by_log and isinstance(item, Picture) else item
+            yield item.stamped_as_logged(restamp) if by_log and isinstance(item, Picture) else item
         self._faults = [] if by_log else self._told(check.fault(), order.late.get(self.image_topic, 0))
 
     def _can_sort(self, name: str) -> bool:

@@ -85,7 +85,7 @@ def restamped(cdr: bytes, stamp_ns: int) -> bytes:
         MessageError: as `read_stamp`, or the stamp does not fit a ROS time.
     """
     read_stamp(cdr)
-    stamp = struct.pack("<iI" if cdr[1] else ">iI", *divmod(Header(stamp_ns).stamp_ns, SECOND_NS))
+    stamp = struct.pack("<iI" if is_little_endian(cdr) else ">iI", *divmod(Header(stamp_ns).stamp_ns, SECOND_NS))
     return b"".join([cdr[:_ENCAPSULATION_BYTES], stamp, cdr[_STAMP_END:]])
 
 

@@ -17,7 +17,7 @@ from stab_ros.core.errors import MessageError
 from stab_ros.core.text import one_line
 from stab_ros.io.bag_types import Topic
 from stab_ros.io.cdr import SECOND_NS, Header, deserialize, header_message, to_ns
-from stab_ros.io.protobuf import protobuf_fields
+from stab_ros.io.protobuf import number_field, protobuf_fields
 from stab_ros.io.ros1 import CONVERSION_ERRORS
 
 if TYPE_CHECKING:
@@ -126,6 +126,12 @@ def _time(value: int | bytes | None) -> ros.builtin_interfaces__msg__Time:
     if not (sec < 2**31 and nanosec < SECOND_NS):
         raise MessageError(f"stamp {sec} s, {nanosec} ns does not fit a ROS time")
     return ros.builtin_interfaces__msg__Time(sec, nanosec)
+
+
+def protobuf_time(stamp_ns: int) -> bytes:
+    """A google.protobuf.Timestamp. Both fields are there, so that it replaces any before it."""
+    sec, nanosec = divmod(stamp_ns, SECOND_NS)
+    return number_field(1, sec) + number_field(2, nanosec)
 
 
 _READ: Mapping[str, Callable[[int | bytes | None], Any]] = {

@@ -70,8 +70,8 @@ def _homography(K: FloatArray, R: FloatArray, P: FloatArray) -> Homography:
             raise MessageError("homography: K, R and P must be finite and K invertible, or all three zero (lost)")
         H = P[:, :3] @ R @ inverse
         H /= H[2, 2]
-    if not np.isfinite(H).all():
-        raise MessageError("homography: P[:, :3] R K^-1 cannot be normalised to h22 = 1")
+    if not np.isfinite(H).all() or _inverse(H) is None:
+        raise MessageError("homography: P[:, :3] R K^-1 cannot be inverted or normalised to h22 = 1")
     return H
 
 

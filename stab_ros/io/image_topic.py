@@ -10,6 +10,7 @@ from rosbags.typesys.stores import ros2_jazzy as ros
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.text import one_line
 from stab_ros.core.types import Frame
+from stab_ros.io import cdr
 from stab_ros.io.bag_types import Topic
 from stab_ros.io.cdr import COMPRESSED_IMAGE, Header, deserialize, read_stamp, to_ns
 from stab_ros.io.coded_message import (
@@ -18,12 +19,14 @@ from stab_ros.io.coded_message import (
     FFMPEG_PACKET,
     PROTOBUF_FIELDS,
     CodedImage,
+    protobuf_time,
     read_coded,
 )
 from stab_ros.io.compressed_image import decode_message
 from stab_ros.io.decoded_image import decoded_frame
 from stab_ros.io.encodings import decode_image
 from stab_ros.io.image_message import IMAGE_TYPES, read_image
+from stab_ros.io.protobuf import bytes_field
 from stab_ros.io.video_decoder import decoder_of
 
 _READABLE = frozenset({*((name, "cdr") for name in (*IMAGE_TYPES, *CDR_DEFINITIONS)),
@@ -88,6 +91,17 @@ def stamp_of(data: bytes, topic: Topic) -> int | None:
         return header.stamp_ns if isinstance(header, Header) else to_ns(header.stamp)
     except MessageError:
         return None
+
+
+def restamped(data: bytes, stamp_ns: int, topic: Topic) -> bytes:
+    """The same message of an image topic with another header stamp.
+
+    Raises:
+        MessageError: it has none, or the stamp does not fit a ROS time.
+    """
+    if topic.encoding != "protobuf":
+        return cdr.restamped(data, stamp_ns)
+    return data + bytes_field(PROTOBUF_FIELDS[topic.msgtype]["timestamp"], protobuf_time(stamp_ns))
 
 
 def namespace_of(topic: Topic) -> str:

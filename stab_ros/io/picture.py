@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from enum import Enum
 
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import Message
-from stab_ros.io.cdr import restamped
 from stab_ros.io.frame_reader import Decoded
 
 
@@ -38,8 +37,11 @@ class Picture:
     decoded: Decoded
     data: bytes | None = None
 
-    def stamped_as_logged(self) -> Picture:
+    def stamped_as_logged(self, restamped: Callable[[bytes, int], bytes]) -> Picture:
         """Takes the log time for the header stamp.
+
+        Args:
+            restamped: gives a message another stamp, ns; raises a MessageError where that cannot be.
 
         Returns:
             The same image with the new stamp, in its message too.

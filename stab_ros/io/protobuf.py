@@ -23,6 +23,24 @@ def protobuf_fields(data: bytes) -> dict[int, int | bytes]:
     return found
 
 
+def number_field(number: int, value: int) -> bytes:
+    """A field that holds an unsigned number."""
+    return _as_varint(number << 3 | _VARINT) + _as_varint(value)
+
+
+def bytes_field(number: int, value: bytes) -> bytes:
+    """A field that holds a text, bytes or a message. Behind a message, it replaces an earlier value of the field."""
+    return _as_varint(number << 3 | _BYTES) + _as_varint(len(value)) + value
+
+
+def _as_varint(value: int) -> bytes:
+    found = bytearray()
+    while value > 0x7F:
+        found.append(value & 0x7F | 0x80)
+        value >>= 7
+    return bytes([*found, value])
+
+
 def _value(data: bytes, at: int, wire_type: int) -> tuple[int | bytes, int]:
     """A value and where it ends."""
     if wire_type == _VARINT:

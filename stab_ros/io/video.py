@@ -16,7 +16,7 @@ from stab_ros.core.types import Frame
 from stab_ros.io.frame_reader import FIRST_STAMP_NS, FRAME_ID, Decoded
 from stab_ros.io.video_clock import Pace, VideoClock, pace
 from stab_ros.io.video_packets import Packets, decode
-from stab_ros.io.video_picture import Deinterlacer, Turn, to_bgr
+from stab_ros.io.video_picture import Deinterlacer, Turn, picture_of
 from stab_ros.io.video_stream import (
     announced_s,
     choose_stream,
@@ -53,7 +53,7 @@ class VideoFacts:
 
 
 class VideoFile:
-    """A video, decoded by FFmpeg to bgr8 as a player shows it: turned upright, fields filled in.
+    """A video, decoded by FFmpeg as a player shows it: turned upright, fields filled in.
 
     Raises:
         InputError: the file cannot be decoded (constructor and frames).
@@ -103,7 +103,8 @@ class VideoFile:
                     turn = Turn.of(shown)
                     self._tell(turn, fields)
                 stamp = clock.stamp_ns(shown.pts)
-                yield stamp, Frame(turn(to_bgr(shown)), "bgr8", stamp, FRAME_ID)
+                pixels, encoding = picture_of(shown)
+                yield stamp, Frame(turn(pixels), encoding, stamp, FRAME_ID)
         except FFmpegError as error:
             raise undecodable(self._path, codec_of(self._stream), one_line(error.strerror)) from error
         if clock.frames == 0:

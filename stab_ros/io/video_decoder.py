@@ -16,6 +16,7 @@ from stab_ros.core.errors import MessageError
 from stab_ros.core.types import Image
 from stab_ros.io.compressed_image import MAX_DECODED
 from stab_ros.io.h264_gaps import FrameNumbers
+from stab_ros.io.video_picture import picture_of
 
 # what messages call a video format -> FFmpeg's decoder. The names are those of Foxglove, and of FFmpeg's encoders
 # without the prefix lib and the hardware, as in libx264 and hevc_nvenc.
@@ -33,9 +34,6 @@ _MOST_PIXELS = MAX_DECODED // 3
 _OPTIONS = {"hevc": {"err_detect": "explode"}}
 # whose decoder knows when the picture is whole, also in streams that have no key frames but refresh it bit by bit
 _H264 = "h264"
-# pixel formats without colour -> the format to read, the encoding of the frame; all others become bgr8
-_GREY = {"gray": ("gray", "mono8"),
-         **dict.fromkeys(("gray10le", "gray12le", "gray14le", "gray16le"), ("gray16le", "mono16"))}
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +51,8 @@ class Shown:
         Raises:
             MessageError: the pixel format cannot be converted.
         """
-        wanted, encoding = _GREY.get(self.frame.format.name, ("bgr24", "bgr8"))
         try:
-            return np.ascontiguousarray(self.frame.to_ndarray(format=wanted)), encoding
+            return picture_of(self.frame)
         except (av.FFmpegError, ValueError) as error:
             raise MessageError(f"pixels of format {self.frame.format.name} cannot be converted: {error}") from error
 

@@ -16,6 +16,9 @@ from stab_ros.core.types import Image
 
 _ONE = 1 << 16  # of a display matrix, in 16.16 fixed point
 _SLANT = 0.01
+# pixel formats without colour -> the format to read, the encoding of the frame; all others become bgr8
+_GREY = {"gray": ("gray", "mono8"),
+         **dict.fromkeys(("gray10le", "gray12le", "gray14le", "gray16le", "gray16be"), ("gray16le", "mono16"))}
 
 
 @dataclass(frozen=True)
@@ -42,8 +45,8 @@ class Turn:
         return _NAMES[self]
 
     def __call__(self, image: Image) -> Image:
-        """image: (h, w, 3)."""
-        turned = image if self.a else image.transpose(1, 0, 2)
+        """image: (h, w) or (h, w, 3)."""
+        turned = image if self.a else np.swapaxes(image, 0, 1)
         turned = turned[:, ::-1] if self.a + self.c < 0 else turned
         return np.ascontiguousarray(turned[::-1] if self.b + self.d < 0 else turned)
 
@@ -127,6 +130,10 @@ def _layout_of(frame: VideoFrame) -> tuple[int, int, str]:
     return frame.width, frame.height, frame.format.name
 
 
-def to_bgr(frame: VideoFrame) -> Image:
-    """bgr8 by swscale, with the matrix and the range that the frame names; (h, w, 3) uint8."""
-    return np.asarray(frame.reformat(format="bgr24", interpolation="BICUBIC").to_ndarray(), np.uint8)
+def picture_of(frame: VideoFrame) -> tuple[Image, str]:
+    """The pixels, by swscale with the matrix and the range that the frame names, and their encoding.
+
+    (h, w) uint8 or uint16 without colour, (h, w, 3) uint8 with it.
+    """
+    pixels, encoding = _GREY.get(frame.format.name, ("bgr24", "bgr8"))
+    return np.ascontiguousarray(frame.reformat(format=pixels, interpolation="BICUBIC").to_ndarray()), encoding

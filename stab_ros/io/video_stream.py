@@ -102,6 +102,8 @@ def _pixels(stream: VideoStream) -> int:
 
 
 def _reason(path: Path, error: FFmpegError | OSError) -> str:
+    if isinstance(error, PermissionError):
+        return "may not be read; its permissions must allow it"
     if _lacks_index(path):
         return ("cannot be decoded, its index (moov) is missing: the recording was not closed; the camera can restore "
                 "it, or a tool as untrunc with a sound file of the same camera")

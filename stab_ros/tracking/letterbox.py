@@ -14,6 +14,7 @@ _MOST_DEVIATION = 3.0  # grey levels along a row of a bar, which compression has
 _MOST_CHANGE = 6.0  # of its mean, from the outermost row on
 _LEAST_PX = 3  # a bar
 _MARGIN_PX = 16  # a patch and the soft edge of a bar
+_ROUND = 0.9  # of the rectangle around it: a circle fills 0.785
 _BLACK = 40  # grey levels, at most, of what surrounds a round view
 
 
@@ -48,5 +49,17 @@ def _around(gray: Gray) -> BoolArray:
         return np.zeros(gray.shape, bool)
     _, part = cv2.connectedComponents((gray <= max(levels) + _MOST_CHANGE).astype(np.uint8), connectivity=4)
     black = np.isin(part, part[[0, 0, -1, -1], [0, -1, 0, -1]])
+    if not _is_round(~black):
+        return np.zeros(gray.shape, bool)
     margin = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * _MARGIN_PX + 1, 2 * _MARGIN_PX + 1))
     return np.asarray(cv2.dilate(black.astype(np.uint8), margin) > 0)
+
+
+def _is_round(shown: BoolArray) -> bool:
+    """Whether the largest part of what is shown, (h, w) bool, is no rectangle between bars, which may hold text."""
+    _, _, about, _ = cv2.connectedComponentsWithStats(shown.astype(np.uint8), connectivity=4)
+    if len(about) < 2:
+        return False
+    width, height, area = about[1:][np.argmax(about[1:, cv2.CC_STAT_AREA])][[cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT,
+                                                                            cv2.CC_STAT_AREA]]
+    return bool(area < _ROUND * width * height)

@@ -170,3 +170,12 @@ def test_a_reference_that_was_warped_itself_is_the_same_camera() -> None:
     found = judged(Evaluator(EVERY), iter(late))
     assert found.rows[0].outcome is Outcome.REFERENCE
     assert not (found.static & found.camera_fixed).any()
+
+
+def test_a_check_of_one_frame_does_not_stand_for_all() -> None:
+    found = judged(Evaluator(EvaluatorConfig()), arrivals(clean, stabilised=False, told=False))
+    checked = found.summary("rmse_reference_px")
+    assert checked is not None
+    assert checked.count < 3
+    verdict = verdict_of(found)
+    assert (verdict.answer, verdict.moves_px) == (Answer.MOVES, median_px(found))

@@ -36,12 +36,14 @@ def smooth(channels: int) -> np.ndarray:
 @pytest.mark.parametrize("suffix", [".png", ".tiff"])
 @pytest.mark.parametrize("channels", [1, 3, 4])
 @pytest.mark.parametrize("depth", [8, 16])
-def test_png_and_tiff_come_in_as_colour_of_their_depth(suffix: str, channels: int, depth: int) -> None:
+def test_png_and_tiff_keep_their_depth(suffix: str, channels: int, depth: int) -> None:
     pixels = smooth(channels)
     stored = pixels if depth == 8 else pixels.astype(np.uint16) * 257
     frame = read_image(compressed(encoded(suffix, stored)), COMPRESSED_IMAGE)
-    expected = np.dstack([pixels] * 3) if channels == 1 else pixels[:, :, :3]
-    assert (frame.encoding, frame.warped_encoding) == (f"bgr{depth}", "bgr8")
+    grey = channels == 1 and depth == 16
+    assert (frame.encoding, frame.warped_encoding) == (("mono16", "mono16") if grey else (f"bgr{depth}", "bgr8"))
+    coloured = np.dstack([pixels] * 3) if channels == 1 else pixels[:, :, :3]
+    expected = pixels if grey else coloured
     np.testing.assert_array_equal(frame.image, expected if depth == 8 else expected.astype(np.uint16) * 257)
 
 

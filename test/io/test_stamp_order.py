@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Iterator
 
 import numpy as np
 from hypothesis import given
@@ -55,3 +56,27 @@ def test_what_has_no_stamp_stays_in_place() -> None:
     zero = Message("/images", 0, 0, image(0).data[:4] + bytes(40))
     logged = [image(0), Message("/images", 0, 0, b""), image(2), zero]
     assert through(logged) == (logged, 0)
+
+
+def test_topics_are_sorted_each_by_itself() -> None:
+    late = [image(number, topic) for number in (1, 2, 3, 4, 5, 6, 7, 0, 8, 9) for topic in ("/images", "/more")]
+    done, count = through(late, "/images", "/more")
+    assert count == 2
+    for topic in ("/images", "/more"):
+        assert [one for one in done if one.topic == topic] == [image(number, topic) for number in range(10)]
+
+
+def test_what_lies_between_rare_images_is_not_held_for_ever() -> None:
+    order, held, most = StampOrder(["/images"]), 0, 0
+    size = 2**21
+
+    def logged() -> Iterator[Message]:
+        nonlocal held, most
+        for number in range(400):
+            held += 1
+            most = max(most, held)
+            yield Message("/others", number, 0, bytes(size)) if number % 100 else image(number)
+
+    for _ in order.sorted(logged()):
+        held -= 1
+    assert most < 2**26 / size + 3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
@@ -205,3 +206,32 @@ def test_what_cannot_be_read_is_named_with_the_way_out(tmp_path: Path, name: str
         read(path)
     assert says in str(caught.value)
     assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("pixels", ["gray16le", "gray12le"])
+def test_grey_of_more_than_8_bits_keeps_its_values(pixels: str, tmp_path: Path) -> None:
+    grey = np.random.default_rng(1).integers(7400, 7900, (64, 96), np.uint16)
+    with av.open(str(tmp_path / "a.mkv"), "w") as container:
+        stream = container.add_stream("ffv1", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 96, 64, pixels
+        container.mux(stream.encode(av.VideoFrame.from_ndarray(grey, "gray16le").reformat(format=pixels)))
+        container.mux(stream.encode(None))
+    video = VideoFile(tmp_path / "a.mkv", None)
+    ((_, frame),) = video.frames()
+    video.close()
+    assert isinstance(frame, Frame)
+    assert frame.encoding == "mono16"
+    np.testing.assert_allclose(frame.image, grey, atol=0 if pixels == "gray16le" else 16)
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="needs root, to become another user")
+def test_a_file_that_may_not_be_read_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "a.mp4"
+    path.write_bytes((VIDEOS / "plain.mp4").read_bytes())
+    path.chmod(0)
+    os.seteuid(65534)
+    try:
+        with pytest.raises(InputError, match="may not be read"):
+            VideoFile(path, None)
+    finally:
+        os.seteuid(0)

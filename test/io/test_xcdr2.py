@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from stab_ros.core.errors import MessageError
 from stab_ros.io.camera_message import read_camera
-from stab_ros.io.cdr import COMPRESSED_IMAGE, IMAGE, read_stamp
+from stab_ros.io.cdr import COMPRESSED_IMAGE, IMAGE, read_stamp, restamped
 from stab_ros.io.diagnostics_message import diagnostics_cdr, read_values
 from stab_ros.io.image_message import read_image
 
@@ -59,6 +59,15 @@ def test_images_are_read_in_either_byte_order(frame_id: str, little_endian: bool
         assert (frame.stamp_ns, frame.frame_id, frame.encoding) == (STAMP_NS, frame_id, "mono16")
         np.testing.assert_array_equal(frame.image, PIXELS)
         assert read_stamp(data) == STAMP_NS
+
+
+@pytest.mark.parametrize("little_endian", [True, False])
+def test_messages_get_another_stamp_in_their_own_byte_order(little_endian: bool) -> None:
+    cdr = bytes(JAZZY.serialize_cdr(image("cam"), IMAGE, little_endian=little_endian))
+    for data in (cdr, in_xcdr2(cdr)):
+        other = restamped(data, 7 * 10**9 + 5)
+        assert read_stamp(other) == 7 * 10**9 + 5
+        np.testing.assert_array_equal(read_image(other, IMAGE).image, PIXELS)
 
 
 def test_compressed_images_are_read_in_xcdr2() -> None:

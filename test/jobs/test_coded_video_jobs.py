@@ -7,12 +7,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from coded_video import FFMPEG_PACKET, KEY_EVERY, TOPIC, Packet, compressed_video, encoded, ffmpeg_packet, write_coded
+from coded_video import (
+    COMPRESSED_VIDEO,
+    FFMPEG_PACKET,
+    KEY_EVERY,
+    TOPIC,
+    Message,
+    Packet,
+    compressed_video,
+    encoded,
+    ffmpeg_packet,
+    protobuf_video,
+    write_coded,
+)
 from conftest import Command
 from mcap.reader import make_reader
 from stabilised import homography, table
 
 from stab_ros.core.geometry import rms_distance
+from stab_ros.io.source import open_source
 from stab_ros.synthetic.flight import Shot
 
 SIZE = (480, 270)
@@ -52,6 +65,22 @@ def test_stabilize_a_video_that_begins_between_key_frames(
     done = command("evaluate", tmp_path / "out.mcap", "--json", tmp_path / "metrics.json")
     assert done.returncode == 0, done.stderr
     assert list(json.loads((tmp_path / "metrics.json").read_text())["topics"]) == [TOPIC, "/cam/image_stabilized"]
+
+
+@pytest.mark.parametrize(("message", "msgtype"), [
+    (compressed_video("h264"), COMPRESSED_VIDEO), (protobuf_video("h264"), "foxglove.CompressedVideo")],
+    ids=["cdr", "protobuf"])
+def test_the_log_time_can_be_taken_for_the_stamp(message: Message, msgtype: str, flight: list[Shot],
+                                                 command: Command, tmp_path: Path) -> None:
+    plain = encoded(flight)
+    bag = write_coded(tmp_path / "in.mcap", plain, stamps_ns(flight), message, msgtype)
+    done = command("stabilize", bag, tmp_path / "out.mcap", "--homographies", tmp_path / "H.csv", "--keep-raw",
+                   "--time", "log")
+    assert done.returncode == 0, done.stderr
+    logged = [log_time_ns for _, log_time_ns, _ in recorded(bag)]
+    assert [int(row["stamp_ns"]) for row in table(tmp_path / "H.csv")] == logged
+    with open_source(tmp_path / "out.mcap", TOPIC) as source:  # what was kept has the stamps of its homographies
+        assert [picture.stamp_ns for picture in source.frames()] == logged
 
 
 def test_convert_keeps_the_bytes_of_a_coded_video(

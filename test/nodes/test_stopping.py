@@ -36,8 +36,9 @@ def test_signals_interrupt_the_start_but_not_the_work(number: int) -> None:
         finished.append(stop.requested)
         return 5
 
+    signal.signal(number, signal.SIG_DFL)  # as in a new process, not under nohup
     assert until_stopped(start) == 0
-    signal.signal(number, signal.SIG_DFL)  # as in a new process
+    signal.signal(number, signal.SIG_DFL)
     assert until_stopped(work) == 5
     assert finished == [True]
     signal.raise_signal(number)  # has no effect any more
