@@ -63,10 +63,11 @@ def test_recording_with_such_tags_runs_nothing(tmp_path: Path, number: int) -> N
     said = metadata.read_text()
     metadata.write_text(said.replace("storage_identifier: sqlite3", f"storage_identifier: {tags(marker)[number]}"))
     assert metadata.read_text() != said
-    with pytest.raises(InputError) as caught:
-        read(path)
-    assert len(str(caught.value).splitlines()) == 1
+    found = read(path)
+    assert len(found.messages) == len(NOTES)
+    assert any("no readable metadata.yaml" in line for line in found.warnings)
     assert not marker.exists()
+    assert "antigravity" not in sys.modules
 
 
 # paths in a recording -------------------------------------------------------------------------------------------------
@@ -105,7 +106,8 @@ def test_other_file_of_the_machine_is_named_as_missing(tmp_path: Path) -> None:
     path = renamed(folder(tmp_path / "bag", StoragePlugin.MCAP), "../../../../etc/passwd")
     found = read(path)
     assert len(found.messages) == len(NOTES)
-    assert found.warnings == [f"{path / 'passwd'}: is missing, its messages are lost"]
+    assert found.warnings == [f"{path / 'passwd'}: is missing, its messages are lost",
+                              f"{path}: holds nothing that metadata.yaml lists, all its .mcap files were taken"]
 
 
 @pytest.mark.parametrize("name", ["..%2foutside.db3", "%2e%2e%2foutside.db3", "outside.db3?vfs=memdb", "a.db3#b"])
@@ -116,7 +118,7 @@ def test_name_of_a_database_is_no_address(tmp_path: Path, name: str) -> None:
     renamed(path, name)
     (path / "bag.db3").unlink()
     (path / name).write_bytes(b"")
-    with pytest.raises(InputError, match="missing tables"):
+    with pytest.raises(InputError, match=r"missing tables|Unrecognized storage format"):
         read(path)
 
 
@@ -176,7 +178,7 @@ def test_warnings_of_odd_names_are_one_line(tmp_path: Path) -> None:
     with writer:
         writer.write(writer.add_connection("/no\n\u2028tes\r", STRING, typestore=JAZZY), 1, NOTES[0].data)
     database = sqlite3.connect(tmp_path / "bag" / "bag.db3")
-    database.execute("UPDATE messages SET data = x'00'")
+    database.execute("UPDATE messages SET data = x'28b52ffd00'")  # as zstd begins
     database.commit()
     database.close()
     (warning,) = read(tmp_path / "bag").warnings
