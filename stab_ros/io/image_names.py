@@ -32,8 +32,15 @@ def unread_kinds(folder: Path) -> list[str]:
 
 def name_remarks(folder: Path, files: Sequence[Path]) -> list[str]:
     """What a user may not expect of the `image_files` of a folder, one line each."""
-    found = (_order(files), _series(files), _left_out(folder), _bag_beside(folder))
+    found = (_order(files), _series(files), _hidden(folder), _left_out(folder), _bag_beside(folder))
     return [f"{folder}: {remark}" for remark in found if remark]
+
+
+def _hidden(folder: Path) -> str:
+    with os.scandir(folder) as entries:
+        names = sorted(entry.name for entry in entries
+                       if entry.name.startswith(".") and entry.name.lower().endswith(IMAGE_SUFFIXES))
+    return f"{len(names)} hidden files, as {names[0]}, are left out" if names else ""
 
 
 def _with_suffix(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:

@@ -94,7 +94,8 @@ def test_companions_hidden_files_folders_and_other_files_are_no_frames(tmp_path:
     (tmp_path / "thumbnails.jpg").mkdir()
     save(tmp_path / "thumbnails.jpg" / "IMG_0000.JPG")
     frames, warnings = read(tmp_path)
-    assert (len(frames), warnings) == (3, [])
+    assert len(frames) == 3
+    assert warnings == [f"{tmp_path}: 3 hidden files, as ._IMG_0000.JPG, are left out"]
 
 
 def test_two_series_in_one_folder_are_said(tmp_path: Path) -> None:
