@@ -128,7 +128,7 @@ def test_image_proc_undistorts_and_stabilises_with_it() -> None:
 
 @pytest.mark.parametrize("damage", [
     {"k": [0.0] * 9}, {"k": [1.0] * 9}, {"r": [np.nan] * 9}, {"r": [np.inf] * 9}, {"p": [0.0] * 12}, {"r": [0.0] * 9},
-    {"r": [1.0, 0, 0, 1, 0, 0, 0, 0, 1]}])
+    {"r": [1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]}])
 def test_matrices_that_make_no_homography_are_refused(damage: dict[str, list[float]]) -> None:
     message, *_ = rectification(homography_cdr(track(TILTED), HEADER, SIZE))
     for name, values in damage.items():

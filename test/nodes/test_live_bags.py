@@ -257,7 +257,7 @@ def test_a_type_without_a_definition_on_disk_is_recorded(graph: Graph, tmp_path:
         ((schema, _, message),) = make_reader(file).iter_messages()
     assert schema is not None
     assert (schema.name, schema.encoding, schema.data) == ("nav_msgs/msg/Goals", "", b"")
-    assert message.data == serialize_message(Goals())
+    assert deserialize_message(message.data, Goals) == Goals()  # bytes that fill up to an alignment are any
 
 
 OF_A_TRACKER = ("homography", "image_stabilized", "tracker_node/track")
