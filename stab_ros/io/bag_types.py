@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 from stab_ros.core.errors import InputError
+from stab_ros.core.text import one_line
 from stab_ros.io.cdr import typestore
 from stab_ros.io.mcap_extras import Extra
 
@@ -64,6 +65,20 @@ class BagReader(Protocol):
 
     def extras(self) -> Iterator[Extra]:
         """Attachments and metadata of an MCAP recording; none in other formats."""
+
+
+def take_topic(topics: dict[str, Topic], topic: Topic) -> str:
+    """Adds a topic of one more channel or file to those of its recording, and its messages to their number.
+
+    Returns:
+        Why it is left out, in one line; an empty string where it is not.
+    """
+    known = topics.get(topic.name, replace(topic, count=0))
+    if (known.msgtype, known.encoding) != (topic.msgtype, topic.encoding):
+        what = one_line(f"{topic.name} holds {known.msgtype} and {topic.msgtype}")
+        return f"{what}, the messages of the second type are left out"
+    topics[topic.name] = replace(known, count=known.count + topic.count)
+    return ""
 
 
 def definition_of(msgtype: str) -> str:

@@ -29,7 +29,15 @@ def read_image(cdr: bytes | memoryview, msgtype: str) -> Frame:
     Raises:
         MessageError: the message is damaged, or of another type.
     """
-    message = deserialize(cdr, msgtype)
+    return frame_of(deserialize(cdr, msgtype), msgtype)
+
+
+def frame_of(message: object, msgtype: str) -> Frame:
+    """The frame in a message that `deserialize` has read.
+
+    Raises:
+        MessageError: its image cannot be decoded, or it is of another type.
+    """
     if isinstance(message, ros.sensor_msgs__msg__Image):
         image, encoding = decode_image(message)
     elif isinstance(message, ros.sensor_msgs__msg__CompressedImage):

@@ -25,7 +25,7 @@ from stab_ros.io.coded_message import (
 from stab_ros.io.compressed_image import decode_message
 from stab_ros.io.decoded_image import decoded_frame
 from stab_ros.io.encodings import decode_image
-from stab_ros.io.image_message import IMAGE_TYPES, read_image
+from stab_ros.io.image_message import IMAGE_TYPES, frame_of
 from stab_ros.io.protobuf import bytes_field
 from stab_ros.io.video_decoder import decoder_of
 
@@ -55,7 +55,8 @@ def read_content(data: bytes, topic: Topic) -> Frame | CodedImage:
         MessageError: the message is damaged, or of another type.
     """
     if topic.msgtype in IMAGE_TYPES:
-        return _video_in(data, topic.msgtype) or read_image(data, topic.msgtype)
+        message = deserialize(data, topic.msgtype)
+        return _video_in(message) or frame_of(message, topic.msgtype)
     coded = read_coded(data, topic)
     if isinstance(coded, ros.sensor_msgs__msg__Image):
         return Frame(*decode_image(coded), to_ns(coded.header.stamp), coded.header.frame_id)
@@ -65,9 +66,8 @@ def read_content(data: bytes, topic: Topic) -> Frame | CodedImage:
     return coded
 
 
-def _video_in(cdr: bytes, msgtype: str) -> CodedImage | None:
+def _video_in(message: object) -> CodedImage | None:
     """The packet of a CompressedImage whose format is that of a video, as some cameras send it."""
-    message = deserialize(cdr, msgtype) if msgtype == COMPRESSED_IMAGE else None
     if not isinstance(message, ros.sensor_msgs__msg__CompressedImage) or not decoder_of(message.format):
         return None
     return CodedImage(Header(to_ns(message.header.stamp), message.header.frame_id), message.format, message.data)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.text import one_line
-from stab_ros.io.bag_types import Message, Topic
+from stab_ros.io.bag_types import Message, Topic, take_topic
 from stab_ros.io.compression import UNPACKING_ERRORS, plain_message
 from stab_ros.io.mcap_contents import QOS_KEY, TYPE_HASH_KEY, Block, McapContents
 from stab_ros.io.mcap_extras import Extra, each_once
@@ -98,12 +97,10 @@ class McapReader:
         names: dict[int, str] = {}
         for channel_id in sorted(file.contents.channels):
             topic = _topic_of(file.contents, channel_id)
-            known = self.topics.get(topic.name, replace(topic, count=0))
-            if (known.msgtype, known.encoding) != (topic.msgtype, topic.encoding):
-                what = one_line(f"{topic.name} holds {known.msgtype} and {topic.msgtype}")
-                self._extra_warnings.append(f"{file.path}: {what}, the messages of the second type are left out")
+            contradiction = take_topic(self.topics, topic)
+            if contradiction:
+                self._extra_warnings.append(f"{file.path}: {contradiction}")
                 continue
-            self.topics[topic.name] = replace(known, count=known.count + topic.count)
             names[channel_id] = topic.name
         counts, channels = file.contents.counts, file.contents.channels
         nameless = sum(counts[channel_id] for channel_id in counts.keys() - channels.keys())

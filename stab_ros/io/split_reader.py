@@ -7,13 +7,12 @@ import shutil
 import tempfile
 from collections.abc import Collection, Iterable, Iterator, Set
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.text import one_line
-from stab_ros.io.bag_types import Message, Topic
+from stab_ros.io.bag_types import Message, Topic, take_topic
 from stab_ros.io.compression import unpack_file
 from stab_ros.io.mcap_extras import Extra, each_once
 from stab_ros.io.ros1_mcap import Ros2McapReader
@@ -109,12 +108,10 @@ class SplitReader:
         """Takes the topics of a part over, and gives their names."""
         names = set[str]()
         for topic in reader.topics.values():
-            known = self.topics.get(topic.name, replace(topic, count=0))
-            if (known.msgtype, known.encoding) != (topic.msgtype, topic.encoding):
-                what = one_line(f"{topic.name} holds {known.msgtype} and {topic.msgtype}")
-                self._extra_warnings.append(f"{self._source}: {what}, the messages of the second type are left out")
+            contradiction = take_topic(self.topics, topic)
+            if contradiction:
+                self._extra_warnings.append(f"{self._source}: {contradiction}")
                 continue
-            self.topics[topic.name] = replace(known, count=known.count + topic.count)
             names.add(topic.name)
         return names
 

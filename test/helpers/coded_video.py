@@ -75,6 +75,11 @@ def encoded_images(images: Sequence[Image], encoder: str, pixels: str = "yuv420p
 def by_opencv(path: Path, packets: Iterable[Packet]) -> list[Image]:
     """The pictures of an elementary stream (path: *.h264 or *.h265), decoded by OpenCV's own FFmpeg."""
     path.write_bytes(b"".join(packet.data for packet in packets))
+    return shown_by_opencv(path)
+
+
+def shown_by_opencv(path: Path) -> list[Image]:
+    """The pictures of a video file, decoded by OpenCV."""
     capture = cv2.VideoCapture(str(path))
     pictures: list[Image] = []
     while True:

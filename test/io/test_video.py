@@ -8,10 +8,10 @@ from fractions import Fraction
 from pathlib import Path
 
 import av
-import cv2
 import numpy as np
 import pytest
 from av.video.stream import VideoStream
+from coded_video import shown_by_opencv
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.types import Frame, Image
@@ -31,16 +31,6 @@ def read(path: Path, fps: float | None = None) -> tuple[list[int], list[Image], 
     frames = [(stamp, decoded.image) for stamp, decoded in video.frames() if isinstance(decoded, Frame)]
     video.close()
     return [stamp for stamp, _ in frames], [image for _, image in frames], video.warnings
-
-
-def by_opencv(path: Path) -> list[Image]:
-    capture = cv2.VideoCapture(str(path))
-    images: list[Image] = []
-    while True:
-        done, image = capture.read()
-        if not done:
-            return images
-        images.append(np.asarray(image))
 
 
 def write(path: Path, times_ms: list[int], codec: str = "mpeg4") -> Path:
@@ -65,14 +55,14 @@ def write(path: Path, times_ms: list[int], codec: str = "mpeg4") -> Path:
 def test_every_codec_gives_the_pictures_and_the_stamps_of_a_constant_rate(name: str) -> None:
     stamps, images, _ = read(VIDEOS / name)
     assert stamps == GRID
-    for image, truth in zip(images, by_opencv(VIDEOS / "source.mkv"), strict=True):
+    for image, truth in zip(images, shown_by_opencv(VIDEOS / "source.mkv"), strict=True):
         assert np.abs(image.astype(int) - truth).mean() < 12  # coarse chroma at the edges of the test pattern
 
 
 @pytest.mark.parametrize("name", ["source.mkv", "plain.mp4", "odd.mp4", "mjpeg.avi", "vp9.webm", "rotated.mp4"])
 def test_pixels_are_those_of_opencv(name: str) -> None:
     _, images, _ = read(VIDEOS / name)
-    for image, expected in zip(images, by_opencv(VIDEOS / name), strict=True):
+    for image, expected in zip(images, shown_by_opencv(VIDEOS / name), strict=True):
         assert image.shape == expected.shape
         assert np.array_equal(image, expected)
 
@@ -124,7 +114,7 @@ def test_fields_are_not_mixed() -> None:
     stamps, images, said = read(VIDEOS / "interlaced.mp4")
     with av.open(str(VIDEOS / "interlaced.mp4")) as container:
         woven = [frame.to_ndarray(format="bgr24") for frame in container.decode(video=0)]
-    truth = by_opencv(VIDEOS / "source.mkv")[::2]
+    truth = shown_by_opencv(VIDEOS / "source.mkv")[::2]
     assert stamps == [stamp_ns(number, 12.5) for number in range(6)]
     assert off(images, truth) < 0.6 * off(woven, truth)
     assert any("interlaced" in line for line in said)
@@ -188,7 +178,7 @@ def test_the_preview_is_not_taken_for_the_video() -> None:
 def test_a_gif_is_a_video_with_its_own_times() -> None:
     stamps, images, _ = read(VIDEOS / "delta.gif")
     assert stamps == [stamp_ns(number, 12.5) for number in range(7)]
-    assert np.abs(images[3].astype(int) - by_opencv(VIDEOS / "source.mkv")[6]).mean() < 40  # of 256 colours
+    assert np.abs(images[3].astype(int) - shown_by_opencv(VIDEOS / "source.mkv")[6]).mean() < 40  # of 256 colours
 
 
 @pytest.mark.parametrize(("name", "says"), [
