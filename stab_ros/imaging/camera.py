@@ -12,6 +12,7 @@ from stab_ros.core.downscale import Downscaling
 from stab_ros.core.errors import InputError
 from stab_ros.core.types import BoolArray, FloatArray, Homography, Image
 from stab_ros.imaging.lens import Lens, RemapTables, lens_maps, make_lens
+from stab_ros.imaging.lens_points import seen_rays, undistorted_rays
 
 # valid numbers of distortion coefficients of each model (sensor_msgs/distortion_models.hpp)
 COEFFICIENTS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8, 12, 14), "equidistant": (4,)}
@@ -112,6 +113,33 @@ class Camera:
         """
         width, height = (n >> downscaling.level for n in self.size)
         return Camera(downscaling.scale @ self.K, self.D, self.model, (width, height))
+
+    def pixels(self, rays: FloatArray) -> FloatArray:
+        """Where rays are seen.
+
+        Args:
+            rays: (N, 2), x / z and y / z in the camera's axes.
+
+        Returns:
+            (N, 2), px of the image as taken; NaN beyond what the lens model covers.
+        """
+        if not self.distorts:
+            return np.asarray(rays @ self.K[:2, :2].T + self.K[:2, 2])
+        covered = np.sum(rays**2, axis=1) < self._lens.reach2
+        seen = seen_rays(np.where(covered[:, None], rays, 0), self.D, self.fisheye)
+        return np.asarray(np.where(covered[:, None], seen @ self.K[:2, :2].T + self.K[:2, 2], np.nan))
+
+    def rays(self, pixels: FloatArray) -> FloatArray:
+        """The rays that are seen at pixels: the inverse of `pixels`.
+
+        Args:
+            pixels: (N, 2), px of the image as taken.
+
+        Returns:
+            (N, 2), x / z and y / z in the camera's axes; NaN where the lens shows nothing.
+        """
+        seen = (pixels - self.K[:2, 2]) @ np.linalg.inv(self.K[:2, :2]).T
+        return undistorted_rays(seen, self.D, self.fisheye, self._lens) if self.distorts else seen
 
     @cached_property
     def visible(self) -> BoolArray:

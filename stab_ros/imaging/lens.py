@@ -60,23 +60,23 @@ def make_lens(K: FloatArray, D: FloatArray, fisheye: bool, size: tuple[int, int]
     d = np.zeros(14)
     d[: len(D)] = D
     pixel_M_seen = np.array([[K[0, 0], 0, K[0, 2]], [0, K[1, 1], K[1, 2]], [0, 0, 1.0]])
-    of_model = _fisheye_scale if fisheye else _rational_scale
+    of_model = fisheye_scale if fisheye else rational_scale
     farthest = np.inf if d[12:].any() else _farthest_corner(K, size)  # not known for a tilted sensor
     reach = _reach(of_model, d, _OUTSIDE_FACTOR * farthest)
     scale = of_model(np.linspace(0, reach**2, _TABLE_SIZE + 1), d)
     if fisheye:
         return Lens(scale, reach**2, np.zeros(6), pixel_M_seen)
-    return Lens(scale, reach**2, d[[2, 3, 8, 9, 10, 11]], pixel_M_seen @ _tilt(d[12], d[13]))
+    return Lens(scale, reach**2, d[[2, 3, 8, 9, 10, 11]], pixel_M_seen @ tilt(d[12], d[13]))
 
 
-def _rational_scale(r2: FloatArray, d: FloatArray) -> FloatArray:
+def rational_scale(r2: FloatArray, d: FloatArray) -> FloatArray:
     """Radial scale of `plumb_bob` and `rational_polynomial` at r2 (n,); NaN from the first pole on."""
     above, below = (1 + r2 * (a + r2 * (b + r2 * c)) for a, b, c in ((d[0], d[1], d[4]), d[5:8]))
     sound = np.logical_and.accumulate(below > 1e-6)
     return np.asarray(np.where(sound, above, np.nan) / np.where(sound, below, 1.0))
 
 
-def _fisheye_scale(r2: FloatArray, d: FloatArray) -> FloatArray:
+def fisheye_scale(r2: FloatArray, d: FloatArray) -> FloatArray:
     """Radial scale of `equidistant` (Kannala and Brandt 2006) at r2 (n,)."""
     r = np.sqrt(np.maximum(r2, 1e-16))
     angle = np.arctan(r)
@@ -103,7 +103,7 @@ def _farthest_corner(K: FloatArray, size: tuple[int, int]) -> float:
     return float(np.hypot(x, y))
 
 
-def _tilt(x_rad: float, y_rad: float) -> FloatArray:
+def tilt(x_rad: float, y_rad: float) -> FloatArray:
     """Projection (3, 3) of the ray onto a tilted sensor (Louhichi et al. 2007), as in OpenCV."""
     (cx, sx), (cy, sy) = ((np.cos(a), np.sin(a)) for a in (x_rad, y_rad))
     about_x = np.array([[1.0, 0, 0], [0, cx, sx], [0, -sx, cx]])

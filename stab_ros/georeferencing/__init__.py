@@ -1,0 +1,1 @@
+"""From pixels to metres: the fit of a camera to control points, sensors, orientations and orthophotos."""

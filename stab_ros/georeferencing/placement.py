@@ -1,0 +1,48 @@
+"""What an orientation tells of a frame: where it lies on the water plane."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from stab_ros.core.types import FloatArray, Gray, Homography
+from stab_ros.imaging.pose import Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """A frame as orientations take it.
+
+    Attributes:
+        stamp_ns: when the image was taken.
+        gray: (h, w) uint8, the image as taken.
+        ref_H_cur: (3, 3), from its undistorted pixels to those of the reference; None: lost, or not stabilised.
+        covariance: (8, 8) of h00 .. h21; None: unknown.
+    """
+
+    stamp_ns: int
+    gray: Gray
+    ref_H_cur: Homography | None = None
+    covariance: FloatArray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Where a frame lies.
+
+    Attributes:
+        map_H_image: (3, 3), h22 = 1, from undistorted pixels to east and north on the water plane, m.
+        covariance: (8, 8) of h00 .. h21; None: unknown.
+        pose: of the camera; None: the orientation does not know it.
+        pose_covariance: (6, 6) of east, north, up, m, and rotations about the axes of the map, rad, as in
+            geometry_msgs/PoseWithCovariance; None: unknown.
+        values: figures for the status by name, with unit in the name (rmse_px, rmse_m, gsd_m, ...).
+        warnings: what makes the answer doubtful: one line each.
+    """
+
+    map_H_image: Homography
+    covariance: FloatArray | None = None
+    pose: Pose | None = None
+    pose_covariance: FloatArray | None = None
+    values: Mapping[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
