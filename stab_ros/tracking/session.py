@@ -51,13 +51,17 @@ _PROMISING = 0.2  # of the inliers expected: with fewer a registration leads now
 
 @dataclass(frozen=True, eq=False)
 class _Attempt:
-    """A frame registered to one anchor. rejected: why not; None: accepted. share: inliers of those expected, or 0."""
+    """A frame registered to one anchor. rejected: why not; None: accepted.
+
+    share: inliers of those expected, by weight. agreeing: weight of the inliers. Both are 0 if it is rejected.
+    """
 
     anchor: Anchor
     pairs: Correspondences
     fit: Fit | None
     rejected: LostReason | None
-    share: float
+    share: float = 0.0
+    agreeing: float = 0.0
 
 
 class Session:
@@ -99,7 +103,7 @@ class Session:
             attempts.append(self._attempt(anchor, gray, guess))
             if attempts[-1].share > _USUAL * self._usual_share:
                 break
-        best = max(attempts, key=lambda attempt: attempt.share)
+        best = _best(attempts)
         self.last_match = best.pairs, best.fit
         if best.fit is not None and best.rejected is None:
             self.found += 1
@@ -200,10 +204,12 @@ class Session:
     def _attempt(self, anchor: Anchor, gray: Gray, guess: Homography) -> _Attempt:
         pairs, fit = self._register(anchor, gray, guess)
         if fit is None:
-            return _Attempt(anchor, pairs, fit, _unfitted(pairs), 0.0)
+            return _Attempt(anchor, pairs, fit, _unfitted(pairs))
         support = anchor.support(pairs, fit)
         rejected = self._registration.rejected(fit, anchor.pose, pairs, anchor.trust[pairs.feature_id], support)
-        return _Attempt(anchor, pairs, fit, rejected, support.share if rejected is None else 0.0)
+        if rejected is not None:
+            return _Attempt(anchor, pairs, fit, rejected)
+        return _Attempt(anchor, pairs, fit, None, support.share, support.agreeing)
 
     def _register(self, anchor: Anchor, gray: Gray, guess: Homography) -> tuple[Correspondences, Fit | None]:
         """Matches and a fit to them, with displacements of the rows where they swing."""
@@ -379,3 +385,16 @@ def _or_flat(reason: LostReason, textured: bool) -> LostReason:
     """The reason, or that the frame has no texture: few features agree in such a one by chance."""
     by_chance = reason.or_further(LostReason.FEW_INLIERS) is LostReason.FEW_INLIERS
     return LostReason.NO_TEXTURE if by_chance and not textured else reason
+
+
+def _best(attempts: list[_Attempt]) -> _Attempt:
+    """The attempt with the largest share of inliers, and of those in several anchors the one with the most inliers.
+
+    Shares do not compare between anchors: a new keyframe has not yet learnt which of its features are water.
+    """
+    by_anchor: dict[int, _Attempt] = {}
+    for attempt in attempts:
+        before = by_anchor.get(id(attempt.anchor))
+        if before is None or attempt.share > before.share:
+            by_anchor[id(attempt.anchor)] = attempt
+    return max(by_anchor.values(), key=lambda attempt: attempt.agreeing)

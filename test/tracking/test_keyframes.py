@@ -38,6 +38,7 @@ def test_a_traverse_of_three_widths_comes_back_to_the_truth(name: str) -> None:
     flown = fly(stabilizer, flight)
     assert not flown.lost
     assert abs(flight.ref_H_cur(int(16 * (1.2 + AWAY_S)) + 2)[0, 2]) > 2.7 * SIZE[0]
+    assert np.max(flown.error_px) < 1.5  # keyframes were made in time: it was 5.9 px over alpine where they were not
     assert np.max(flown.error_px[-5:]) < 0.1  # the loop is closed
     assert np.max(flown.sigma_px[-5:]) < 0.1
     assert np.mean(flown.error_px[1:] <= 2 * flown.sigma_px[1:]) > 0.9
