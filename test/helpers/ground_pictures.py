@@ -54,7 +54,8 @@ class GroundPictures:
         x, y = np.meshgrid(np.arange(wide[0], dtype=float), np.arange(wide[1], dtype=float))
         pixels = np.stack([x.ravel(), y.ravel()], axis=1) @ pixel_H_wide[:2, :2].T + pixel_H_wide[:2, 2]
         K = view.camera.K
-        straight = view.camera.rays(pixels) @ K[:2, :2].T + K[:2, 2]
+        straight = cv2.undistortPointsIter(pixels[:, None], K, view.camera.D, np.eye(3), K,
+                                           (cv2.TERM_CRITERIA_COUNT, 20, 0))[:, 0]
         places = np.column_stack([straight, np.ones(len(straight))]) @ H.T
         maps = (places[:, :2] / places[:, 2:]).astype(np.float32).reshape(wide[1], wide[0], 2)
         return np.asarray(cv2.remap(self.texture, maps, None, cv2.INTER_LINEAR))
