@@ -38,7 +38,7 @@ def make_orientation(config: GeoreferenceConfig, camera: Camera, calibrated: boo
         raise ConfigError(f"{config.orientation} needs the calibration of the camera, give it as camera_file, or with "
                           "a topic camera_info")
     if config.orientation == "stationary_nadir":
-        return StationaryNadir(config, camera)
+        return StationaryNadir(config, camera, gcps)
     raise ConfigError(f"orientation {config.orientation} is not available")
 
 

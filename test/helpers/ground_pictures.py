@@ -56,7 +56,8 @@ class GroundPictures:
         grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) @ pixel_H_wide[:2, :2].T + pixel_H_wide[:2, 2]
         K = view.camera.K
         straight = (view.camera.rays(grid) @ K[:2, :2].T + K[:2, 2]).astype(np.float32).reshape(len(y), len(x), 2)
-        at = np.meshgrid(*((np.arange(n, dtype=np.float32) + 16) / 16 for n in wide))
-        places = cv2.remap(straight, *at, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE) @ H[:, :2].T + H[:, 2]
+        at_x, at_y = np.meshgrid(*((np.arange(n, dtype=np.float32) + 16) / 16 for n in wide))
+        pixels = cv2.remap(straight, at_x, at_y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        places = pixels @ H[:, :2].T + H[:, 2]
         maps = (places[..., :2] / places[..., 2:]).astype(np.float32)
         return np.asarray(cv2.remap(self.texture, maps, None, cv2.INTER_LINEAR))
