@@ -62,6 +62,14 @@ def seconds(text: str) -> float:
     return number
 
 
+def finite(text: str) -> float:
+    """For argparse: a finite number."""
+    number = _number(text)
+    if number is None or not math.isfinite(number):
+        raise argparse.ArgumentTypeError(f"{text!r} must be a number")
+    return number
+
+
 def names(text: str) -> tuple[str, ...]:
     """For argparse: at least one name, separated by commas."""
     found = tuple(name.strip() for name in text.split(","))
