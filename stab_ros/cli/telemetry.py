@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stab_ros.cli.console import DONE, note, progress_bar, quiet_libraries, tell, warn
-from stab_ros.cli.options import add_force, command, finite, positive_float
+from stab_ros.cli.options import add_force, command, finite, namespace, positive_float
 
 if TYPE_CHECKING:
     from stab_ros.io.fix_message import Fix
@@ -31,7 +31,8 @@ def add(commands: Any) -> None:
     parser.add_argument("--home-height", type=finite, metavar="M", help="height of the place of take-off: take this "
                         "plus the height above it, in place of the height that the file tells")
     parser.add_argument("--swap", action="store_true", help="the file has longitude for latitude, and the reverse")
-    parser.add_argument("--namespace", default="/camera", metavar="NS", help="of the topics (default /camera)")
+    parser.add_argument("--namespace", type=namespace, default="/camera", metavar="NS",
+                        help="of the topics (default /camera)")
     add_force(parser)
     parser.set_defaults(run=run)
 
@@ -46,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
     timing = Timing(None if options.clock is None else TelemetryClock(options.clock),
                     None if options.start is None else utc_named(options.start, zone), options.fps,
                     round(options.offset_s * 1e9))
-    job = Telemetry(options.input, options.output, options.namespace.rstrip("/"), timing, zone, options.home_height,
+    job = Telemetry(options.input, options.output, options.namespace, timing, zone, options.home_height,
                     options.swap, options.force)
     with quiet_libraries(), progress_bar("lines") as progress:
         done = convert_telemetry(job, progress)

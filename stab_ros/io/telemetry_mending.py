@@ -13,6 +13,7 @@ from stab_ros.io.telemetry_record import Record, Recorded
 
 _METRES_PER_DEGREE = 111_195.0  # of latitude
 _COARSE_M = 1.0
+_ROUNDING_DEG = 1e-9
 _FLIGHT_RAD = 0.001  # 6 km, in one recording
 
 
@@ -60,9 +61,9 @@ def _in_radians(records: Sequence[Record]) -> bool:
 
 def _coarse(records: Sequence[Record]) -> list[str]:
     """That positions have so few digits that they are steps on the ground."""
-    latitudes = _places(records)[:, 0]
+    places = _places(records)
     for digits in range(1, 6):
-        if len(latitudes) and np.abs(latitudes * 10**digits - np.round(latitudes * 10**digits)).max() < 1e-6:
+        if len(places) and np.abs(places - np.round(places, digits)).max() < _ROUNDING_DEG:
             step_m = _METRES_PER_DEGREE / 10**digits
             if step_m > _COARSE_M:
                 return [f"its positions have {digits} decimals, they are told in steps of {step_m:.3g} m"]

@@ -151,7 +151,7 @@ def _heights(records: Sequence[Record], home_height_m: float | None, warnings: l
         warnings.append("its heights count from the place of take-off, --home-height puts them above the ellipsoid")
         return above
     missing = sum(map(math.isnan, told))
-    if missing > 0:
+    if missing:
         warnings.append(f"{missing} of {len(told)} positions have no height")
     return told
 
