@@ -106,6 +106,10 @@ def _layout_of(header: str) -> _Layout:
     system = next((known for known in ("GPST", "UTC", "JST") if known in names[0]), "")
     if not system:
         raise InputError(f"its times are in {one_line(names[0])[:20]!r}, they must be in GPST, UTC or JST")
+    wanted = ("x", "y", "z") if "x" in columns else ("latitude", "longitude", "height")
+    missing = next((name for name in wanted if name not in columns), None)
+    if missing is not None:
+        raise InputError(f"its line of % names no column {missing}; {_WANTED}")
     return _Layout(system, columns, separator, sexagesimal)
 
 

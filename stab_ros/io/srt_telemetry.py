@@ -26,7 +26,7 @@ from stab_ros.io.telemetry_record import Record, Recorded
 
 _BRACKETS = re.compile(r"\[([^\[\]\n]*)\]")
 _NUMBER = r"[-+]?\d{1,12}(?:[.,]\d{1,12})?"
-_VALUE = re.compile(rf"([A-Za-z_]+)\s*[:=]\s*({_NUMBER})(?![\d.,])")
+_VALUE = re.compile(rf"(?<![A-Za-z_])([A-Za-z_]{{1,30}})\s*[:=]\s*({_NUMBER})(?![\d.,])")
 _GPS = re.compile(r"\b(?:GPS|RTK)\s*\(([^()\n]*)\)")
 _ANGLES = re.compile(r"\b([FG])\.PRY\s*\(([^()\n]*)\)")
 _HEIGHT = re.compile(rf"\b(?:H|(?:BAROMETER|Hb)\s*:)\s*({_NUMBER})\s*(?:m\b|M\b|\s)")

@@ -46,13 +46,16 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType({
     "roll": ("roll", "drone_roll"),
     "qx": ("qx", "q_x"), "qy": ("qy", "q_y"), "qz": ("qz", "q_z"), "qw": ("qw", "q_w"),
 })
-_LENGTHS = {"m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "cm": 0.01, "mm": 0.001,
-            "ft": 0.3048, "feet": 0.3048}
-_ANGLES = {"deg": 1.0, "degree": 1.0, "degrees": 1.0, "°": 1.0, "rad": math.degrees(1), "radian": math.degrees(1),
-           "radians": math.degrees(1)}
-_TIMES = {"s": 10**9, "sec": 10**9, "second": 10**9, "seconds": 10**9, "ms": 10**6, "millisecond": 10**6,
-          "milliseconds": 10**6, "us": 10**3, "microseconds": 10**3, "ns": 1, "nanoseconds": 1}
-UNITS: Mapping[str, float] = MappingProxyType({**_LENGTHS, **_ANGLES, **_TIMES})
+LENGTHS: Mapping[str, float] = MappingProxyType({
+    "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048,
+    "feet": 0.3048})
+ANGLES: Mapping[str, float] = MappingProxyType({
+    "deg": 1.0, "degree": 1.0, "degrees": 1.0, "°": 1.0, "rad": math.degrees(1), "radian": math.degrees(1),
+    "radians": math.degrees(1)})
+TIMES: Mapping[str, int] = MappingProxyType({
+    "s": 10**9, "sec": 10**9, "second": 10**9, "seconds": 10**9, "ms": 10**6, "millisecond": 10**6,
+    "milliseconds": 10**6, "us": 10**3, "microseconds": 10**3, "ns": 1, "nanoseconds": 1})
+UNITS: Mapping[str, float] = MappingProxyType({**LENGTHS, **ANGLES, **TIMES})
 _UNIT = re.compile(r"^(.*?)\s*[(\[]\s*([^()\[\]]*?)\s*[)\]]\s*$")
 _UNIX_NS = 10**17  # of a time since 1970, in ns: 1973; a smaller one counts from the start of the video
 _MOST_NS = 2**62
@@ -230,7 +233,7 @@ def _time_ns(text: str, unit: str) -> int:
         raise ValueError("no number") from error
     if not number.is_finite() or abs(number) > _MOST_NS:
         raise ValueError("no time")
-    scale = _TIMES.get(unit) or next(scale for limit, scale in (
+    scale = TIMES.get(unit) or next(scale for limit, scale in (
         (10**11, 10**9), (10**14, 10**6), (10**17, 10**3), (_MOST_NS, 1)) if abs(number) <= limit)
     time_ns = int(number * scale)
     if abs(time_ns) > _MOST_NS:

@@ -192,6 +192,7 @@ def test_broken_lines_of_rtklib_are_left_out_and_said(tmp_path: Path) -> None:
     (ROW, "has no line of % that names its columns"), ("", "has no line of %"),
     ("%  GPST   e-baseline(m)  n-baseline(m)  u-baseline(m) Q ns\n", "holds distances from a base station; RTKLIB"),
     ("% (lat/lon/height=Tokyo/ellipsoidal,Q=1:fix)\n" + DEGREES + ROW, "in the Tokyo datum, they must be in WGS84"),
+    (DEGREES.replace("height(m)", "h"), "its line of % names no column height"),
     (DEGREES.replace("GPST", "BDT "), "its times are in 'BDT', they must be in GPST, UTC or JST"),
     (DEGREES, "holds no position and no attitude, it must be solutions of RTKLIB")])
 def test_no_solution_is_refused(tmp_path: Path, text: str, says: str) -> None:
