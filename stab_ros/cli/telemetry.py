@@ -13,6 +13,8 @@ from stab_ros.cli.options import add_force, command, finite, namespace, positive
 if TYPE_CHECKING:
     from stab_ros.io.fix_message import Fix
 
+_MOST_S = 1e9  # 31 years
+
 
 def add(commands: Any) -> None:
     """The parser of this command."""
@@ -27,7 +29,7 @@ def add(commands: Any) -> None:
                         "rounded to its frames")
     parser.add_argument("--time-zone", metavar="Z", help="of dates that do not name theirs, as +10:00 or Europe/London "
                         "(default UTC)")
-    parser.add_argument("--offset-s", type=finite, default=0.0, metavar="S", help="added to all stamps")
+    parser.add_argument("--offset-s", type=_offset, default=0.0, metavar="S", help="added to all stamps")
     parser.add_argument("--home-height", type=finite, metavar="M", help="height of the place of take-off: take this "
                         "plus the height above it, in place of the height that the file tells")
     parser.add_argument("--swap", action="store_true", help="the file has longitude for latitude, and the reverse")
@@ -35,6 +37,13 @@ def add(commands: Any) -> None:
                         help="of the topics (default /camera)")
     add_force(parser)
     parser.set_defaults(run=run)
+
+
+def _offset(text: str) -> float:
+    offset_s = finite(text)
+    if abs(offset_s) > _MOST_S:
+        raise argparse.ArgumentTypeError(f"{text!r} must be a number of seconds within {_MOST_S:g}")
+    return offset_s
 
 
 def run(options: argparse.Namespace) -> int:
@@ -49,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
                     round(options.offset_s * 1e9))
     job = Telemetry(options.input, options.output, options.namespace, timing, zone, options.home_height,
                     options.swap, options.force)
-    with quiet_libraries(), progress_bar("lines") as progress:
+    with quiet_libraries(), progress_bar("moments") as progress:
         done = convert_telemetry(job, progress)
     note(done.notes)
     warn(done.warnings)

@@ -92,13 +92,13 @@ def convert_telemetry(job: Telemetry, progress: Progress) -> Converted:
     check_output(job.output, ".mcap", job.source, job.force)
     recorded = mended(read_telemetry(job.source, job.zone, progress), job.swap)
     warnings = list(recorded.warnings)
+    notes = [*recorded.notes, _CLOCKS[clock_of(recorded, job.timing)]]
     try:
         records = _in_order(recorded, job.timing, warnings)
+        fixes = _fixes(records, job.home_height_m, warnings)
+        streams = [*_fix_streams(job.namespace, fixes, notes), *_attitude_streams(job.namespace, records, notes)]
     except InputError as error:
         raise InputError(f"{job.source}: {error}") from error
-    fixes = _fixes(records, job.home_height_m, warnings)
-    notes = [*recorded.notes, _CLOCKS[clock_of(recorded, job.timing)]]
-    streams = [*_fix_streams(job.namespace, fixes, notes), *_attitude_streams(job.namespace, records, notes)]
     _write(job, streams)
     return Converted({stream.name: len(stream.messages) for stream in streams}, fixes[0] if fixes else None,
                      tuple(_named(job.source, notes)), tuple(_named(job.source, warnings)))
@@ -112,8 +112,10 @@ def _in_order(recorded: Recorded, timing: Timing, warnings: list[str]) -> list[t
     """The records by their stamps, none of which comes twice or lies before 0.
 
     Raises:
-        InputError: there are no times for the stamps, or all lie before 0.
+        InputError: no record tells anything, there are no times for the stamps, or all lie before 0.
     """
+    if not any(record.tells for record in recorded.records):
+        raise InputError(f"holds no position that can be one; {'; '.join(recorded.warnings)}")
     stamps, doubts = stamps_of(recorded, timing)
     by_stamp: dict[int, Record] = {}
     for stamp_ns, record in zip(stamps, recorded.records, strict=True):

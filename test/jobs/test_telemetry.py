@@ -156,6 +156,7 @@ def test_order_and_twins(tmp_path: Path) -> None:
      "has no dates, so stamps in UTC need --start"),
     ("a.csv", "time,lat,lon\n1,2,3\n", {"timing": Timing(offset_ns=-9 * S)}, "all its moments lie before the first"),
     ("a.csv", "datetime,lat,lon\n2999-01-01 00:00:00,2,3\n", {}, "does not fit a ROS time"),
+    ("a.csv", "time,lat,lon\n1,0,0\n2,0,0\n", {}, "holds no position that can be one; 2 of 2 positions are left out"),
     ("a.txt", "", {}, "is no telemetry by its name")])
 def test_bad_input_is_refused_and_nothing_is_left(tmp_path: Path, name: str, text: str, options: dict[str, Any],
                                                   says: str) -> None:
@@ -183,7 +184,8 @@ def test_the_command(tmp_path: Path) -> None:
     ((), "exists already, give --force"), (("--force", "--start", "noon"), "'noon' is no date with a time"),
     (("--force", "--time-zone", "Mars"), "'Mars' is no time zone"),
     (("--force", "--namespace", "my camera"), "is no namespace"),
-    (("--force", "--offset-s", "nan"), "must be a number")])
+    (("--force", "--offset-s", "nan"), "must be a number"),
+    (("--force", "--offset-s", "1e300"), "must be a number of seconds within 1e+09")])
 def test_bad_usage_is_one_line(tmp_path: Path, options: tuple[str, ...], says: str,
                                capfd: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "a.pos").write_text(POS, encoding="utf-8")
