@@ -6,12 +6,16 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from stab_ros.core.settings import Value
+from stab_ros.core.types import Homography
 from stab_ros.evaluation.evaluator import Evaluator
+from stab_ros.georeferencing.georeferencer import Georeferencer
+from stab_ros.georeferencing.orientations import make_orientation
+from stab_ros.georeferencing.sensors import Sensors
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.points import read_points, read_tracking_points
 from stab_ros.io.regions import read_area
 from stab_ros.io.static_maps import read_static_map
-from stab_ros.parameters.table import evaluator_config, stabilizer_config
+from stab_ros.parameters.table import evaluator_config, georeference_config, stabilizer_config
 from stab_ros.tracking.stabilizer import Stabilizer
 
 
@@ -56,3 +60,23 @@ def make_evaluator(values: Mapping[str, Value]) -> Evaluator:
     points_file = values.get("points_file", "")
     points = read_points(Path(str(points_file))) if points_file else ()
     return Evaluator(evaluator_config(values), points, read_area(values))
+
+
+def make_georeferencer(values: Mapping[str, Value], camera: Camera,
+                       image_H_ref: Homography | None = None) -> Georeferencer:
+    """Makes the engine of georeferencing from parameters.
+
+    Args:
+        values: parameters of georeferencing by name; the others keep their defaults.
+        camera: that takes the images.
+        image_H_ref: (3, 3), for images that are stabilised already: from pixels of the reference to those of the image;
+            None: images are as taken.
+
+    Returns:
+        The engine.
+
+    Raises:
+        InputError: a name is unknown, a value or a file is wrong, or the orientation needs what is not given.
+    """
+    config = georeference_config(values)
+    return Georeferencer(config, camera, make_orientation(config, camera), Sensors(config.time_offset_s), image_H_ref)

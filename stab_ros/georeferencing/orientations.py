@@ -1,0 +1,28 @@
+"""The orientations by name."""
+
+from __future__ import annotations
+
+from stab_ros.core.errors import ConfigError
+from stab_ros.georeferencing.control_points import ControlPoints
+from stab_ros.georeferencing.orientation import Orientation
+from stab_ros.georeferencing.settings import WITH_GCPS, GeoreferenceConfig
+from stab_ros.georeferencing.stationary_nadir import StationaryNadir
+from stab_ros.imaging.camera import Camera
+
+
+def make_orientation(config: GeoreferenceConfig, camera: Camera, gcps: ControlPoints | None = None) -> Orientation:
+    """The orientation of the settings.
+
+    Args:
+        config: the settings.
+        camera: that takes the images.
+        gcps: ground control points, in the map; None: there are none.
+
+    Raises:
+        InputError: it needs what is not given.
+    """
+    if config.orientation in WITH_GCPS and gcps is None:
+        raise ConfigError(f"{config.orientation} needs ground control points, give them as gcps_file")
+    if config.orientation == "stationary_nadir":
+        return StationaryNadir(config, camera)
+    raise ConfigError(f"orientation {config.orientation} is not available")
