@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from stab_ros.core.errors import ConfigError
 from stab_ros.georeferencing.control_points import ControlPoints
+from stab_ros.georeferencing.dynamic_stabilization import DynamicStabilization
 from stab_ros.georeferencing.orientation import Orientation
 from stab_ros.georeferencing.settings import WITH_GCPS, GeoreferenceConfig
 from stab_ros.georeferencing.stationary_nadir import StationaryNadir
 from stab_ros.imaging.camera import Camera
 
 
-def make_orientation(config: GeoreferenceConfig, camera: Camera, gcps: ControlPoints | None = None) -> Orientation:
+def make_orientation(config: GeoreferenceConfig, camera: Camera, calibrated: bool,
+                     gcps: ControlPoints | None = None) -> Orientation:
     """The orientation of the settings.
 
     Args:
         config: the settings.
         camera: that takes the images.
+        calibrated: whether its K is known.
         gcps: ground control points, in the map; None: there are none.
 
     Raises:
@@ -23,6 +26,11 @@ def make_orientation(config: GeoreferenceConfig, camera: Camera, gcps: ControlPo
     """
     if config.orientation in WITH_GCPS and gcps is None:
         raise ConfigError(f"{config.orientation} needs ground control points, give them as gcps_file")
+    if config.orientation == "dynamic_stabilization":
+        return DynamicStabilization(config, camera, calibrated)
+    if not calibrated:
+        raise ConfigError(f"{config.orientation} needs the calibration of the camera, give it as camera_file, or with "
+                          "a topic camera_info")
     if config.orientation == "stationary_nadir":
         return StationaryNadir(config, camera)
     raise ConfigError(f"orientation {config.orientation} is not available")

@@ -59,6 +59,8 @@ class Placement:
             geometry_msgs/PoseWithCovariance; None: unknown.
         values: figures for the status by name, with unit in the name (rmse_px, rmse_m, gsd_m, ...).
         warnings: what makes the answer doubtful: one line each.
+        rejected: names of control points that were left out.
+        worst_point: name of the control point with the largest residual; "": there are none.
     """
 
     map_H_image: Homography
@@ -67,3 +69,5 @@ class Placement:
     pose_covariance: FloatArray | None = None
     values: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    rejected: tuple[str, ...] = ()
+    worst_point: str = ""

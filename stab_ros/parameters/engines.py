@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
 from stab_ros.core.settings import Value
 from stab_ros.core.types import Homography
 from stab_ros.evaluation.evaluator import Evaluator
@@ -62,13 +64,14 @@ def make_evaluator(values: Mapping[str, Value]) -> Evaluator:
     return Evaluator(evaluator_config(values), points, read_area(values))
 
 
-def make_georeferencer(values: Mapping[str, Value], camera: Camera,
+def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size: tuple[int, int],
                        image_H_ref: Homography | None = None) -> Georeferencer:
     """Makes the engine of georeferencing from parameters.
 
     Args:
         values: parameters of georeferencing by name; the others keep their defaults.
-        camera: that takes the images.
+        camera: that takes the images; None: of unknown calibration.
+        size: width and height of the images as taken, px.
         image_H_ref: (3, 3), for images that are stabilised already: from pixels of the reference to those of the image;
             None: images are as taken.
 
@@ -79,4 +82,13 @@ def make_georeferencer(values: Mapping[str, Value], camera: Camera,
         InputError: a name is unknown, a value or a file is wrong, or the orientation needs what is not given.
     """
     config = georeference_config(values)
-    return Georeferencer(config, camera, make_orientation(config, camera), Sensors(config.time_offset_s), image_H_ref)
+    known = camera or uncalibrated(size)
+    orientation = make_orientation(config, known, camera is not None)
+    return Georeferencer(config, known, orientation, Sensors(config.time_offset_s), image_H_ref)
+
+
+def uncalibrated(size: tuple[int, int]) -> Camera:
+    """A pinhole camera that stands for an unknown one where its K does not matter."""
+    width, height = size
+    K = np.array([[max(size), 0, (width - 1) / 2], [0, max(size), (height - 1) / 2], [0, 0, 1]], float)
+    return Camera(K, np.zeros(0), "plumb_bob", size)

@@ -11,11 +11,11 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.settings import Value, settings_of
 from stab_ros.core.text import one_line
 from stab_ros.parameters.node_settings import EvaluatorSettings, TrackerSettings
-from stab_ros.parameters.table import EVALUATOR_PARAMETERS, PARAMETERS, Table, checked_values
+from stab_ros.parameters.table import EVALUATOR_PARAMETERS, GEOREFERENCE_PARAMETERS, PARAMETERS, Table, checked_values
 
-TRACKER, EVALUATOR = "tracker_node", "evaluator_node"
+TRACKER, EVALUATOR, GEOREFERENCE = "tracker_node", "evaluator_node", "georeference_node"
 
-_TABLES = {TRACKER: PARAMETERS, EVALUATOR: EVALUATOR_PARAMETERS}
+_TABLES = {TRACKER: PARAMETERS, EVALUATOR: EVALUATOR_PARAMETERS, GEOREFERENCE: GEOREFERENCE_PARAMETERS}
 # parameters of the nodes themselves, which the engines do not have; the commands skip them
 _OF_THE_NODES = frozenset(name for settings in (TrackerSettings, EvaluatorSettings)
                           for name, _, _ in settings_of(settings))

@@ -20,7 +20,7 @@ SECOND_NS = 10**9
 
 
 def _nadir(**values: bool | float | str) -> Georeferencer:
-    return make_georeferencer({"orientation": "stationary_nadir", "height_m": 46.0, **values}, CAMERA)
+    return make_georeferencer({"orientation": "stationary_nadir", "height_m": 46.0, **values}, CAMERA, CAMERA.size)
 
 
 def _frame(stamp_ns: int = SECOND_NS) -> Frame:

@@ -1,0 +1,53 @@
+"""What georeferencing tells of a frame, as messages: `ortho_info` and `~/status`; the same bytes live and offline."""
+
+from __future__ import annotations
+
+from stab_ros.core.text import number
+from stab_ros.georeferencing.georeferencer import Georeferenced
+from stab_ros.imaging.camera import Camera
+from stab_ros.io.cdr import Header, header_of
+from stab_ros.io.diagnostics_message import OK, WARN, status_cdr
+from stab_ros.io.homography_message import rectification_cdr
+
+MAP_FRAME = "map"
+
+
+def map_header(answer: Georeferenced) -> Header:
+    """The header of what is told in the map at the time of a frame."""
+    return Header(answer.frame.stamp_ns, MAP_FRAME)
+
+
+def ortho_info_cdr(answer: Georeferenced, camera: Camera | None) -> bytes:
+    """CameraInfo with the homography from undistorted pixels of the image to those of `image_ortho`; zeros: unplaced.
+
+    camera: of the image; None: its K is not known.
+    """
+    size = (0, 0) if answer.grid is None else answer.grid.size
+    return rectification_cdr(answer.ortho_H_image, header_of(answer.frame), size, camera)
+
+
+def georeference_values(answer: Georeferenced, orientation: str) -> dict[str, str]:
+    """Keys and values of `~/status`; empty strings: not known."""
+    placement, grid = answer.placement, answer.grid
+    values = {
+        "state": "UNPLACED" if placement is None else "PLACED",
+        "orientation": orientation,
+        "reason": answer.reason,
+        "wse_m": number(answer.wse_m),
+        "resolution_m": number(grid and grid.resolution_m),
+        "west_m": number(grid and grid.west_m),
+        "north_m": number(grid and grid.north_m),
+    }
+    if placement is None:
+        return values
+    return {**values, **{key: number(value) for key, value in placement.values.items()},
+            "worst_point": placement.worst_point, "rejected": ", ".join(placement.rejected),
+            "warnings": "; ".join(placement.warnings)}
+
+
+def georeference_status_cdr(answer: Georeferenced, orientation: str) -> bytes:
+    """DiagnosticArray of a frame: WARN where it is unplaced or its place is doubtful."""
+    values, placement = georeference_values(answer, orientation), answer.placement
+    fine = placement is not None and not placement.warnings
+    return status_cdr(header_of(answer.frame), "georeference", answer.frame.frame_id, OK if fine else WARN,
+                      answer.reason or values["warnings"] or "PLACED", values)
