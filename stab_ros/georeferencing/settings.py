@@ -11,6 +11,7 @@ from stab_ros.imaging.warp import INTERPOLATION
 
 ORIENTATIONS = ("stationary_nadir", "stationary_gcps", "dynamic_gcps", "dynamic_stabilization",
                 "dynamic_gcps_stabilization", "dynamic_gps_imu")
+_WITH_MOTION = ("dynamic_stabilization", "dynamic_gcps_stabilization", "dynamic_gps_imu")
 WITH_GCPS = ("stationary_gcps", "dynamic_gcps", "dynamic_gcps_stabilization")
 
 
@@ -95,6 +96,11 @@ class GeoreferenceConfig(Checked):
     def borders_m(self) -> tuple[float, ...] | None:
         """West, south, east and north of `extent`; None: what the first placed frame shows."""
         return numbers_of("extent", self.extent, 4) if self.extent.strip() else None
+
+
+def needs_motion(config: GeoreferenceConfig) -> bool:
+    """Whether the orientation takes homographies of frames."""
+    return config.orientation in _WITH_MOTION
 
 
 def numbers_of(name: str, text: str, count: int) -> tuple[float, ...]:

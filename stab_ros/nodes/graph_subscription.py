@@ -3,63 +3,70 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 from rclpy.node import Node
 
 from stab_ros.nodes.qos import AdaptiveSubscription, keep_all_offered, type_name
 
-TypedCallback = Callable[[bytes, str, int], None]  # the message, its type, and when it was published, ns
+TypedCallback: TypeAlias = Callable[[bytes, str], None]  # the message and its type
 
 
 class GraphSubscription:
-    """Subscribes once somebody publishes the topic with one of the types, and anew if that changes.
+    """Subscribes to the first of the types at once, and anew where the publishers have another one of them.
 
-    fault: what is wrong with the publishers of the topic, "" for nothing. publishers: of that type.
+    fault: what is wrong with the types of the publishers, "" for nothing.
     """
 
     def __init__(self, node: Node, topic: str, classes: Sequence[Any], callback: TypedCallback) -> None:
         self._node, self._callback = node, callback
         self.topic = node.resolve_topic_name(topic)
         self._classes = {type_name(one): one for one in classes}
-        self._subscription: AdaptiveSubscription | None = None
-        self.msgtype = next(iter(self._classes)) if len(classes) == 1 else ""
         self.fault = ""
-        if self.msgtype:
-            self._subscribe()
+        self._msgtype = self._wanted(self._published(), next(iter(self._classes)))
+        self._subscription = self._subscribe()
 
     @property
     def publishers(self) -> int:
-        """How many there are, at the last `refresh`."""
-        return 0 if self._subscription is None else self._subscription.publishers
+        """How many there are of the type that is taken, at the last `refresh`."""
+        return self._subscription.publishers
 
     def refresh(self) -> None:
         """Follows the publishers; to be called periodically."""
-        types = [info.topic_type for info in self._node.get_publishers_info_by_topic(self.topic)]
-        known = [one for one in types if one in self._classes]
-        self.fault = self._fault_of(types, known)
-        if known and self.msgtype not in known:
-            self.msgtype = known[0]
-            self._subscribe()
-        elif self._subscription is not None:
+        published = self._published()
+        wanted = self._wanted(published, self._msgtype)
+        self.fault = self._fault_of(published, wanted)
+        if wanted != self._msgtype:
+            self._subscription.close()
+            self._msgtype = wanted
+            self._subscription = self._subscribe()
+        elif not self.fault:
             self._subscription.refresh()
 
-    def _subscribe(self) -> None:
-        if self._subscription is not None:
-            self._subscription.close()
-        msgtype = self.msgtype
+    def close(self) -> None:
+        """Ends the subscription."""
+        self._subscription.close()
 
-        def on_message(cdr: bytes, info: Mapping[str, int]) -> None:
-            self._callback(cdr, msgtype, info["source_timestamp"])
+    def _published(self) -> list[str]:
+        return sorted({info.topic_type for info in self._node.get_publishers_info_by_topic(self.topic)})
 
-        self._subscription = AdaptiveSubscription(
-            self._node, self._classes[msgtype], self.topic, on_message, keep_all_offered,
-            "let it publish VOLATILE or TRANSIENT_LOCAL, RELIABLE or BEST_EFFORT")
+    def _wanted(self, published: Sequence[str], now: str) -> str:
+        """The type to take: the present one, unless only another one is published."""
+        known = [one for one in published if one in self._classes]
+        return now if now in known or not known else known[0]
 
-    def _fault_of(self, types: Sequence[str], known: Sequence[str]) -> str:
-        foreign = sorted({one for one in types if one not in self._classes})
-        if foreign:
-            return f"{self.topic} is published as {', '.join(foreign)}, it must be {' or '.join(self._classes)}"
-        if len(set(known)) > 1:
-            return f"{self.topic} is published as {' and '.join(sorted(set(known)))}, only {self.msgtype} is taken"
-        return ""
+    def _subscribe(self) -> AdaptiveSubscription:
+        msgtype = self._msgtype
+
+        def on_message(cdr: bytes, _info: Mapping[str, int]) -> None:
+            self._callback(cdr, msgtype)
+
+        return AdaptiveSubscription(self._node, self._classes[msgtype], self.topic, on_message, keep_all_offered,
+                                    "let it publish VOLATILE or TRANSIENT_LOCAL, RELIABLE or BEST_EFFORT")
+
+    def _fault_of(self, published: Sequence[str], taken: str) -> str:
+        others = [one for one in published if one != taken]
+        if not others:
+            return ""
+        return f"{self.topic} is published as {' and '.join(others)}, nothing is received of it; it must be " + (
+            taken if taken in published else " or ".join(self._classes))

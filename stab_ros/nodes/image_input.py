@@ -35,7 +35,8 @@ class ImageInput:
 
     def open(self) -> str:
         """Subscribes; returns the full name of the topic."""
-        msg_class, topic = (CompressedImage, compressed_topic(self._topic)) if self._compressed else (Image, self._topic)
+        msg_class = CompressedImage if self._compressed else Image
+        topic = compressed_topic(self._topic) if self._compressed else self._topic
         choose = keep_all_reliable if self._keep_all else newest_only
         self._subscription = AdaptiveSubscription(self._node, msg_class, topic, self._on_image, choose,
                                                   "let it offer RELIABLE, or set queue_depth:=1")

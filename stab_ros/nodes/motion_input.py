@@ -13,7 +13,9 @@ from sensor_msgs.msg import CameraInfo
 from stab_ros.core.errors import MessageError
 from stab_ros.core.types import Homography
 from stab_ros.georeferencing.placement import Motion
-from stab_ros.io.homography_message import is_undistorted, read_homography
+from stab_ros.imaging.camera import Camera
+from stab_ros.io.camera_message import read_camera
+from stab_ros.io.homography_message import read_homography
 from stab_ros.io.topics import HOMOGRAPHY_TOPIC, TRACK_TOPIC, TRACKER_NAME, topic_in
 from stab_ros.io.track_message import TrackValues, read_track
 from stab_ros.nodes.qos import AdaptiveSubscription, keep_all_offered
@@ -33,14 +35,16 @@ class Told:
 
 
 class MotionInput:
-    """Passes on each homography with its covariance and `reset_counter`, which are in `track`; without it if none comes.
+    """Passes on each homography with its covariance and `reset_counter`, which are in `track`; without if none comes.
 
-    undistorts: whether the tracker removes lens distortion; None: not known yet. received: number of homographies.
+    received: number of homographies. reference_size: width and height, px; None: no frame was tracked yet. camera:
+    whose lens distortion the tracker removes; None: it removes none.
     """
 
     def __init__(self, node: Node, take: Callable[[Told], None], refused: Callable[[str], None]) -> None:
-        self.undistorts: bool | None = None
         self.received = 0
+        self.reference_size: tuple[int, int] | None = None
+        self.camera: Camera | None = None
         self._take, self._refused = take, refused
         self._pairing: StampPairing[Homography | None, TrackValues] = StampPairing(_WAITING)
         self._track = AdaptiveSubscription(node, DiagnosticArray, topic_in(TRACKER_NAME, TRACK_TOPIC), self._on_track,
@@ -68,13 +72,19 @@ class MotionInput:
         self.received += 1
         try:
             stamp_ns, ref_H_cur = read_homography(cdr)
+            self._learn(cdr, ref_H_cur)
         except MessageError as error:
             self._refused(f"{self.topic}: {error}")
             return
-        if ref_H_cur is not None and self.undistorts is None:
-            self.undistorts = is_undistorted(cdr)
         pairs = self._pairing.ask(stamp_ns, ref_H_cur)
         self._pass_on(pairs if self._track.publishers else [*pairs, *self._pairing.flush()])
+
+    def _learn(self, cdr: bytes, ref_H_cur: Homography | None) -> None:
+        """Size and calibration, from the first homography that has them."""
+        if ref_H_cur is not None and self.reference_size is None:
+            camera = read_camera(cdr)
+            self.reference_size = camera.size
+            self.camera = None if np.array_equal(camera.K, np.eye(3)) else camera
 
     def _on_track(self, cdr: bytes, _info: Mapping[str, int]) -> None:
         try:
