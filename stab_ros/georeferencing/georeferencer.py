@@ -13,7 +13,7 @@ import numpy as np
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import normalized
-from stab_ros.core.gray import to_gray
+from stab_ros.core.gray import GreyRange, grey_range, to_gray
 from stab_ros.core.types import Frame, Homography, Image
 from stab_ros.georeferencing.horizon import gsd_m, in_front, outline_m, sampled_pixels
 from stab_ros.georeferencing.orientation import Answer, Orientation, Unplaced
@@ -84,6 +84,7 @@ class Georeferencer:
         self._levels = WaterLevels(config.wse_m)
         self._waiting: deque[tuple[Frame, Motion | None]] = deque()
         self._grid: OrthoGrid | None = None
+        self._range: GreyRange | None = None  # of the first frame
 
     @property
     def grid(self) -> OrthoGrid | None:
@@ -161,12 +162,14 @@ class Georeferencer:
             allocate: makes the array of the result from shape and dtype.
 
         Returns:
-            The frame on the grid, north up, in its `encoding`; None: it is unplaced.
+            The frame on the grid, north up, in its `warped_encoding`; None: it is unplaced.
         """
         if georeferenced.grid is None or georeferenced.ortho_H_image is None:
             return None
-        return orthophoto(georeferenced.frame.image, georeferenced.ortho_H_image, georeferenced.grid.size, self._shown,
-                          self._config.interpolation, allocate)
+        frame = georeferenced.frame
+        image = orthophoto(frame.image, georeferenced.ortho_H_image, georeferenced.grid.size, self._shown,
+                           self._config.interpolation, allocate)
+        return image if frame.warped_encoding == frame.encoding else self._range_of(frame).to_8_bit(image)
 
     def _is_ready(self) -> bool:
         if not self._orientation.needs_sensors or len(self._waiting) > self._config.sensor_wait_frames:
@@ -188,11 +191,16 @@ class Georeferencer:
     def _placed(self, frame: Frame, motion: Motion | None, wse_m: float) -> Answer:
         if motion is None and (self._orientation.needs_motion or self._image_H_ref is not None):
             return Unplaced("the frame is lost, there is no homography of it")
-        gray, sigma_m = to_gray(frame), self._config.wse_sigma_m
+        gray, sigma_m = to_gray(frame, self._range_of(frame)), self._config.wse_sigma_m
         if motion is None:
             return self._orientation.place(Sighting(frame.stamp_ns, gray, wse_m=wse_m, wse_sigma_m=sigma_m))
         return self._orientation.place(Sighting(frame.stamp_ns, gray, motion.ref_H_cur, motion.covariance, wse_m,
                                                 sigma_m, motion.reset_counter))
+
+    def _range_of(self, frame: Frame) -> GreyRange:
+        if self._range is None:
+            self._range = grey_range(frame)
+        return self._range
 
     def _grid_of(self, map_H_image: Homography) -> OrthoGrid | None:
         """The grid, which the first placed frame fixes."""

@@ -29,14 +29,15 @@ def ortho_info_cdr(answer: Georeferenced, camera: Camera | None) -> bytes:
 def georeference_values(answer: Georeferenced, orientation: str) -> dict[str, str]:
     """Keys and values of `~/status`; empty strings: not known."""
     placement, grid = answer.placement, answer.grid
+    west_m, north_m, resolution_m = (None,) * 3 if grid is None else (grid.west_m, grid.north_m, grid.resolution_m)
     values = {
         "state": "UNPLACED" if placement is None else "PLACED",
         "orientation": orientation,
         "reason": answer.reason,
         "wse_m": number(answer.wse_m),
-        "resolution_m": number(grid and grid.resolution_m),
-        "west_m": number(grid and grid.west_m),
-        "north_m": number(grid and grid.north_m),
+        "resolution_m": number(resolution_m),
+        "west_m": number(west_m),
+        "north_m": number(north_m),
     }
     if placement is None:
         return values

@@ -83,6 +83,8 @@ def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size:
     """
     config = georeference_config(values)
     known = camera or uncalibrated(size)
+    if image_H_ref is not None:
+        known = Camera(known.K, np.zeros(0), "plumb_bob", known.size)
     orientation = make_orientation(config, known, camera is not None)
     return Georeferencer(config, known, orientation, Sensors(config.time_offset_s), image_H_ref)
 
