@@ -25,7 +25,8 @@ from stab_ros.parameters.engines import make_georeferencer
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 SIZE = (400, 300)
 STEP_NS = 40_000_000
-CAMERA = Camera(np.array([[380.0, 0, 201], [0, 380, 148], [0, 0, 1]]), np.array([-0.1, 0.01, 0, 0, 0]), "plumb_bob", SIZE)
+K = np.array([[380.0, 0, 201], [0, 380, 148], [0, 0, 1]])
+CAMERA = Camera(K, np.array([-0.1, 0.01, 0, 0, 0]), "plumb_bob", SIZE)
 NODE = "/cam/georeference_node"
 
 

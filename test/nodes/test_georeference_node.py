@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytest
-from georeferenced_stream import NODE, SIZE, STEP_NS, GeoreferencedStream, by_the_engine, motion, ortho_H_image, shot
+from georeferenced_stream import GeoreferencedStream, by_the_engine, motion, ortho_H_image, shot
 from live_graph import Graph, stamp_ns
-from std_msgs.msg import Float64, String
 
 from stab_ros.core.types import Frame
 from stab_ros.georeferencing.placement import Motion
@@ -17,7 +17,7 @@ NADIR: dict[str, Any] = {"orientation": "stationary_nadir", "height_m": 30.0}
 MOVING: dict[str, Any] = {"orientation": "dynamic_stabilization", "height_m": 30.0}
 
 
-def check(stream: GeoreferencedStream, settings: dict[str, Any], frames: list[tuple[Frame, Motion | None]]) -> None:
+def check(stream: GeoreferencedStream, settings: dict[str, Any], frames: Sequence[tuple[Frame, Motion | None]]) -> None:
     """That all answers and orthophotos are the engine's."""
     stream.until_answered(len(frames))
     stream.graph.until(lambda: len(stream.images) == len(stream.infos), "every orthophoto")
