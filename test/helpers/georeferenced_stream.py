@@ -103,14 +103,12 @@ class GeoreferencedStream:
         return values_of(self.reports[-1])
 
 
-def by_the_engine(settings: Mapping[str, Any]) -> Georeferencer:
-    return make_georeferencer(settings, CAMERA, SIZE)
+def by_the_engine(settings: Mapping[str, Any], stabilized: bool = False) -> Georeferencer:
+    return make_georeferencer(settings, CAMERA, SIZE, np.eye(3) if stabilized else None)
 
 
-def ortho_H_image(message: Any) -> FloatArray | None:
-    """As README says how a downstream node reads it; None: unplaced."""
+def ortho_H_image(message: Any) -> FloatArray:
+    """As README says how a downstream node reads it."""
     K, R, P = np.reshape(message.k, (3, 3)), np.reshape(message.r, (3, 3)), np.reshape(message.p, (3, 4))
-    if not K.any():
-        return None
     H = P[:, :3] @ R @ np.linalg.inv(K)
     return np.asarray(H / H[2, 2])
