@@ -176,6 +176,6 @@ def _minimised(problem: Problem, used: BoolArray, noise: PointNoise) -> FloatArr
         return np.asarray(np.nan_to_num(np.concatenate([rows, problem.prior(x)[1]]), posinf=0.0, neginf=0.0))
 
     start = np.zeros(problem.parameters)
-    found = least_squares(residuals, start, derivative, x_scale="jac", method="trf", max_nfev=_EVALUATIONS, xtol=1e-11,
-                          ftol=1e-12, gtol=1e-12)
+    found = least_squares(residuals, start, derivative, x_scale="jac", method="lm", max_nfev=_EVALUATIONS, xtol=1e-10,
+                          ftol=1e-10, gtol=1e-10)
     return np.asarray(found.x)

@@ -20,8 +20,11 @@ from stab_ros.georeferencing.adjustment import Solution
 from stab_ros.georeferencing.camera_problem import CameraProblem, KnownPosition, Unknowns
 from stab_ros.georeferencing.camera_start import nominal_camera, starts
 from stab_ros.georeferencing.control_points import ControlPoints
+from stab_ros.georeferencing.levels import on_own_level
+from stab_ros.georeferencing.observability import doubts, refusals, rivals, why_untold
 from stab_ros.georeferencing.point_noise import PointNoise
 from stab_ros.georeferencing.robust_fit import cleaned, fitted_to_best
+from stab_ros.georeferencing.wrong_points import wrong_text
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.view import View
 
@@ -169,25 +172,6 @@ def fit_pose(points: ControlPoints, camera: Camera, *, noise: PointNoise | None 
     return _fit(points, camera, Unknowns(focals=0), noise or PointNoise(), known, near)
 
 
-def on_own_level(view: View, image_px: FloatArray, map_m: FloatArray) -> FloatArray:
-    """Where pixels meet the level planes through points.
-
-    Args:
-        view: the camera.
-        image_px: (N, 2).
-        map_m: (N, 3), of which the heights count.
-
-    Returns:
-        (N, 2), east and north; NaN where the ray does not meet the plane.
-    """
-    rays = view.camera.rays(image_px)
-    directions = np.column_stack([rays, np.ones(len(rays))]) @ view.pose.cam_R_map
-    rise = map_m[:, 2] - view.pose.position_m[2]
-    meets = rise * directions[:, 2] > 0
-    along = np.where(meets, rise / np.where(meets, directions[:, 2], 1), np.nan)
-    return np.asarray(view.pose.position_m[:2] + directions[:, :2] * along[:, None])
-
-
 def _fit(points: ControlPoints, camera: Camera, unknowns: Unknowns, noise: PointNoise, known: KnownPosition | None,
          near: View | None) -> CameraFit:
     fixed = known is not None and known.sigma_m == 0
@@ -195,13 +179,27 @@ def _fit(points: ControlPoints, camera: Camera, unknowns: Unknowns, noise: Point
     _check_count(len(points), unknowns)
     begun = [near] if near is not None else starts(points, camera, unknowns, known.position_m if known else None)
     if not begun:
-        raise InputError("no camera sees the control points so: they must not lie on a line, and pixels and places "
-                         "must belong together")
+        raise InputError(f"no camera sees the control points so{why_untold(points)}; they must not lie on a line, and "
+                         "pixels and places must belong together")
     prior = known if known is not None and not fixed else None
     best = fitted_to_best((CameraProblem(points, view, unknowns, prior) for view in begun), noise)
     found = cleaned(best[0], noise)
-    names = tuple(points.names[i] for i in found.wrong)
-    return CameraFit(points, cast("Solution[CameraProblem]", found.solution), names)
+    solution = cast("Solution[CameraProblem]", found.solution)
+    _check_told(points, solution, best[1:])
+    return CameraFit(points, solution, tuple(points.names[i] for i in found.wrong),
+                     (*wrong_text(points.names, found), *doubts(solution, points.names)))
+
+
+def _check_told(points: ControlPoints, best: Solution[CameraProblem], others: list[Solution[CameraProblem]]) -> None:
+    refused = refusals(best)
+    if refused:
+        raise InputError(refused[0] + why_untold(points))
+    alike = rivals(best, others)
+    if alike:
+        places = " and ".join(f"({e:.2f}, {n:.2f}, {u:.2f})" for e, n, u in
+                              (view.pose.position_m for view in (best.problem.view, *alike)))
+        raise InputError(f"the points fit cameras at {places} m equally well (mirror solutions): add a point, best off "
+                         "the plane of the others, or give the position of the camera (--position)")
 
 
 def _check_count(count: int, unknowns: Unknowns) -> None:

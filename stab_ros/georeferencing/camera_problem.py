@@ -108,6 +108,15 @@ class CameraProblem:
     def moved(self, x: FloatArray) -> CameraProblem:
         return dataclasses.replace(self, view=_moved(self.view, self.unknowns, x))
 
+    def zoomed(self, factor: float) -> CameraProblem:
+        """The problem with another focal length, which is known, seen from as much farther away."""
+        K, centre = self.view.camera.K.copy(), self.points.map_m.mean(axis=0)
+        K[[0, 1], [0, 1]] *= factor
+        place = self.view.pose.position_m
+        place = centre + factor * (place - centre) if self.unknowns.position else place
+        view = View(dataclasses.replace(self.view.camera, K=K), Pose(place, self.view.pose.cam_R_map))
+        return dataclasses.replace(self, view=view, unknowns=dataclasses.replace(self.unknowns, focals=0))
+
     def predicted_px(self, x: FloatArray) -> FloatArray:
         view = _moved(self.view, self.unknowns, x)
         return _pixels(view.camera, self._rays(view.pose))

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Iterator
+import math
+from collections.abc import Iterable, Iterator
+from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -12,15 +14,18 @@ import numpy as np
 from stab_ros.core.types import FloatArray, IdArray
 from stab_ros.georeferencing.camera_problem import Unknowns
 from stab_ros.georeferencing.control_points import ControlPoints
-from stab_ros.georeferencing.robust_fit import fitting, trimmed
+from stab_ros.georeferencing.robust_fit import fitting
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.pose import Pose
 from stab_ros.imaging.view import View
 
 FOCALS = np.geomspace(0.3, 10, 14)  # widths of the image: fields of view of 118 to 6 degrees
-_MOST_TRIPLES = 60
+_MOST_TRIPLES = 40
 _MOST_STARTS = 8
 _APART = 0.1  # distance of directions and, as a share of the distance of the points, of places of different starts
+
+_Pose: TypeAlias = tuple[FloatArray, FloatArray]  # place (3,), m, and cam_R_map (3, 3)
+_Scored: TypeAlias = tuple[float, Camera, FloatArray, FloatArray]
 
 
 def nominal_camera(size: tuple[int, int], focal_px: float | None = None) -> Camera:
@@ -50,12 +55,25 @@ def starts(points: ControlPoints, camera: Camera, unknowns: Unknowns, position_m
         most: number of views.
     """
     tried = [camera] if unknowns.focals == 0 else [_of_focal(camera, f * camera.size[0]) for f in FOCALS]
-    views = [View(one, pose) for one in tried for pose in _poses(points, one, position_m)]
-    if not views:
+    found = [scored for one in tried for scored in _scored(points, one, position_m, len(unknowns.names))]
+    found.sort(key=lambda scored: scored[0])
+    return _different((View(one, Pose(place, R)) for _, one, place, R in found), points, most)
+
+
+def _scored(points: ControlPoints, camera: Camera, position_m: FloatArray | None, parameters: int) -> list[_Scored]:
+    """Poses of a camera, each with its score: px^2."""
+    rays = camera.rays(points.image_px)
+    poses = list(_poses(points.map_m, rays, position_m))
+    if not poses:
         return []
-    kept = fitting(len(points), len(unknowns.names))
-    scores = np.array([trimmed(_errors2(points, view), kept) for view in views])
-    return _different([views[i] for i in np.argsort(scores, kind="stable")], points, most)
+    places, turns = np.array([place for place, _ in poses]), np.array([R for _, R in poses])
+    in_camera = np.einsum("pij,pnj->pni", turns, points.map_m - places[:, None])
+    depth = np.where(in_camera[:, :, 2:] > 0, in_camera[:, :, 2:], np.nan)
+    errors2 = np.sum((in_camera[:, :, :2] / depth - rays) ** 2, axis=2) * camera.K[0, 0] ** 2  # of a pinhole: cheap
+    kept = fitting(len(points), parameters)
+    scores = np.partition(np.nan_to_num(errors2, nan=np.inf), kept - 1, axis=1)[:, :kept].sum(axis=1)
+    return [(float(score), camera, place, R) for score, place, R in zip(scores, places, turns, strict=True)
+            if np.isfinite(score)]
 
 
 def _of_focal(camera: Camera, focal_px: float) -> Camera:
@@ -64,36 +82,23 @@ def _of_focal(camera: Camera, focal_px: float) -> Camera:
     return dataclasses.replace(camera, K=K)
 
 
-def _errors2(points: ControlPoints, view: View) -> FloatArray:
-    """(N,), squared distances, px^2; infinite behind the camera."""
-    in_camera = view.pose.to_camera(points.map_m)
-    depth = in_camera[:, 2:]
-    rays = in_camera[:, :2] / np.where(depth > 0, depth, np.nan)
-    # the image plane of a pinhole, on which rays of a lens were put beforehand, is cheap
-    errors = (rays - view.camera.rays(points.image_px)) * view.camera.K[0, 0]
-    return np.asarray(np.nan_to_num(np.sum(errors**2, axis=1), nan=np.inf))
-
-
-def _poses(points: ControlPoints, camera: Camera, position_m: FloatArray | None) -> Iterator[Pose]:
-    rays = camera.rays(points.image_px)
-    seen = np.flatnonzero(np.isfinite(rays).all(axis=1))
-    for chosen in _triples(seen):
+def _poses(map_m: FloatArray, rays: FloatArray, position_m: FloatArray | None) -> Iterator[_Pose]:
+    for chosen in _triples(np.flatnonzero(np.isfinite(rays).all(axis=1))):
         if position_m is None:
-            yield from _of_three(points.map_m[chosen], rays[chosen])
+            yield from _of_three(map_m[chosen], rays[chosen])
         else:
-            yield _turned(points.map_m[chosen], rays[chosen], position_m)
+            yield position_m, _turned(map_m[chosen], rays[chosen], position_m)
 
 
 def _triples(of: IdArray) -> list[IdArray]:
     """All, or a fixed random choice of, three points."""
-    found = [np.array(three) for three in itertools.combinations(of.tolist(), 3)]
-    if len(found) <= _MOST_TRIPLES:
-        return found
-    chosen = np.random.default_rng(0).choice(len(found), _MOST_TRIPLES, replace=False)
-    return [found[i] for i in chosen]
+    if math.comb(len(of), 3) <= _MOST_TRIPLES:
+        return [np.array(three) for three in itertools.combinations(of.tolist(), 3)]
+    rng = np.random.default_rng(0)
+    return [rng.choice(of, 3, replace=False) for _ in range(_MOST_TRIPLES)]
 
 
-def _of_three(map_m: FloatArray, rays: FloatArray) -> Iterator[Pose]:
+def _of_three(map_m: FloatArray, rays: FloatArray) -> Iterator[_Pose]:
     """Up to four poses from which three points are seen along these rays (Ke and Roumeliotis 2017, in OpenCV)."""
     centre = map_m.mean(axis=0)
     count, turns, shifts = cv2.solveP3P(map_m - centre, rays, np.eye(3), None, flags=cv2.SOLVEPNP_AP3P)
@@ -101,18 +106,18 @@ def _of_three(map_m: FloatArray, rays: FloatArray) -> Iterator[Pose]:
         R = cv2.Rodrigues(turn)[0]
         position = centre - R.T @ shift.ravel()
         if np.isfinite(position).all() and np.isfinite(R).all():
-            yield Pose(position, R)
+            yield position, R
 
 
-def _turned(map_m: FloatArray, rays: FloatArray, position_m: FloatArray) -> Pose:
+def _turned(map_m: FloatArray, rays: FloatArray, position_m: FloatArray) -> FloatArray:
     """The attitude that turns directions of the map to those of the rays (Kabsch 1976)."""
     there, here = map_m - position_m, np.column_stack([rays, np.ones(len(rays))])
     there, here = (v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-12) for v in (there, here))
     U, _, Vt = np.linalg.svd(here.T @ there)
-    return Pose(position_m, U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt)
+    return np.asarray(U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt)
 
 
-def _different(views: list[View], points: ControlPoints, most: int) -> list[View]:
+def _different(views: Iterable[View], points: ControlPoints, most: int) -> list[View]:
     found: list[View] = []
     for view in views:
         if not any(_alike(view, other, points) for other in found):

@@ -18,7 +18,7 @@ from stab_ros.core.types import Frame, Homography, Image
 from stab_ros.georeferencing.horizon import gsd_m, in_front, outline_m, sampled_pixels
 from stab_ros.georeferencing.orientation import Answer, Orientation, Unplaced
 from stab_ros.georeferencing.ortho_grid import OrthoGrid
-from stab_ros.georeferencing.orthophoto import orthophoto
+from stab_ros.georeferencing.orthophoto import Orthophotos
 from stab_ros.georeferencing.placement import Motion, Placement, Sighting
 from stab_ros.georeferencing.samples import AttitudeSample, PositionSample
 from stab_ros.georeferencing.sensors import Sensors
@@ -84,6 +84,7 @@ class Georeferencer:
         self._levels = WaterLevels(config.wse_m)
         self._waiting: deque[tuple[Frame, Motion | None]] = deque()
         self._grid: OrthoGrid | None = None
+        self._orthophotos: tuple[Camera, Orthophotos] | None = None
         self._range: GreyRange | None = None  # of the first frame
 
     @property
@@ -167,8 +168,9 @@ class Georeferencer:
         if georeferenced.grid is None or georeferenced.ortho_H_image is None:
             return None
         frame = georeferenced.frame
-        image = orthophoto(frame.image, georeferenced.ortho_H_image, georeferenced.grid.size, self._shown,
-                           self._config.interpolation, allocate)
+        if self._orthophotos is None or self._orthophotos[0] is not self._shown:
+            self._orthophotos = (self._shown, Orthophotos(self._shown, self._config.interpolation))
+        image = self._orthophotos[1].make(frame.image, georeferenced.ortho_H_image, georeferenced.grid.size, allocate)
         return image if frame.warped_encoding == frame.encoding else self._range_of(frame).to_8_bit(image)
 
     def _is_ready(self) -> bool:

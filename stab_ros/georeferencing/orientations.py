@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from stab_ros.core.errors import ConfigError
 from stab_ros.georeferencing.control_points import ControlPoints
+from stab_ros.georeferencing.dynamic_gcps import DynamicGcps
+from stab_ros.georeferencing.dynamic_gcps_stabilization import DynamicGcpsStabilization
 from stab_ros.georeferencing.dynamic_stabilization import DynamicStabilization
+from stab_ros.georeferencing.gcp_fit import GcpFit, fit_gcps
 from stab_ros.georeferencing.orientation import Orientation
 from stab_ros.georeferencing.settings import WITH_GCPS, GeoreferenceConfig
+from stab_ros.georeferencing.stationary_gcps import StationaryGcps
 from stab_ros.georeferencing.stationary_nadir import StationaryNadir
 from stab_ros.imaging.camera import Camera
 
@@ -24,13 +28,23 @@ def make_orientation(config: GeoreferenceConfig, camera: Camera, calibrated: boo
     Raises:
         InputError: it needs what is not given.
     """
-    if config.orientation in WITH_GCPS and gcps is None:
-        raise ConfigError(f"{config.orientation} needs ground control points, give them as gcps_file")
+    if config.orientation in WITH_GCPS:
+        if gcps is None:
+            raise ConfigError(f"{config.orientation} needs ground control points, give them as gcps_file")
+        return _with_gcps(config, fit_gcps(config, camera, calibrated, gcps))
     if config.orientation == "dynamic_stabilization":
         return DynamicStabilization(config, camera, calibrated)
     if not calibrated:
         raise ConfigError(f"{config.orientation} needs the calibration of the camera, give it as camera_file, or with "
                           "a topic camera_info")
     if config.orientation == "stationary_nadir":
-        return StationaryNadir(config, camera)
+        return StationaryNadir(config, camera, gcps)
     raise ConfigError(f"orientation {config.orientation} is not available")
+
+
+def _with_gcps(config: GeoreferenceConfig, found: GcpFit) -> Orientation:
+    if config.orientation == "dynamic_gcps":
+        return DynamicGcps(config, found)
+    if config.orientation == "dynamic_gcps_stabilization":
+        return DynamicGcpsStabilization(config, found)
+    return StationaryGcps(found)

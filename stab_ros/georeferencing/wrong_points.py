@@ -62,6 +62,16 @@ def without_wrong(solve: Solve, start: Solution[Problem], most: int) -> Cleaned:
     return found
 
 
+def wrong_text(names: Sequence[str], cleaned: Cleaned) -> list[str]:
+    """Says which points are wrong, one line each."""
+    last = cleaned.wrong[-1:]
+    lines = [f"point {names[i]} contradicts the others and is left out" for i in cleaned.wrong if (i,) != last]
+    if last:
+        others = "".join(f" (or {names[i]} is wrong in its place)" for i in cleaned.doubtful)
+        lines.append(f"point {names[last[0]]} contradicts the others and is left out{others}")
+    return lines
+
+
 def chance(whole: Solution[Problem], part: Solution[Problem]) -> float:
     """Probability of residuals that shrink as much where no point is wrong, for points that were not chosen.
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from stab_ros.core.types import FloatArray
-from stab_ros.georeferencing.camera_fit import on_own_level
 from stab_ros.georeferencing.control_points import ControlPoints
+from stab_ros.georeferencing.levels import on_own_level
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.pose import Pose
 from stab_ros.imaging.view import View
