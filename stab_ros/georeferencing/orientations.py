@@ -52,7 +52,8 @@ def make_orientation(config: GeoreferenceConfig, camera: Camera, calibrated: boo
                           "a topic camera_info")
     if config.orientation == "stationary_nadir":
         return StationaryNadir(config, camera, gcps)
-    return DynamicGpsImu(config, camera, sensors or Sensors(config.time_offset_s))
+    first = None if gcps is None else fit_gcps(config, camera, calibrated, gcps).pose
+    return DynamicGpsImu(config, camera, sensors or Sensors(config.time_offset_s), first)
 
 
 def _with_gcps(config: GeoreferenceConfig, found: GcpFit) -> Orientation:
