@@ -34,18 +34,19 @@ from stab_ros.nodes.georeference_publishers import GeoreferencePublishers
 from stab_ros.nodes.georeference_status import GeoreferenceStatus, Result
 from stab_ros.nodes.image_input import ImageInput
 from stab_ros.nodes.motion_input import MotionInput, Told
+from stab_ros.nodes.patience import Patience
 from stab_ros.nodes.runtime import StabNode
 from stab_ros.nodes.sensor_inputs import SensorInputs
 from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.stamp_monitor import StampMonitor
 from stab_ros.nodes.stamp_pairing import Pair, StampPairing
-from stab_ros.nodes.stream_timeout import StreamTimeout
 from stab_ros.nodes.throttled_warnings import ThrottledWarnings
 from stab_ros.parameters.engines import make_georeferencer
 from stab_ros.parameters.node_settings import GeoreferenceSettings
 from stab_ros.parameters.table import GEOREFERENCE_PARAMETERS, georeference_config
 
 _POLL_NS = SECOND_NS // 10  # period at which subscribers, publishers and the silence are checked
+_SENSORS = (FIX_TOPIC, "attitude")  # which frames wait for in the engine
 _SAMPLES = 20_000  # of sensors that are kept for another engine
 
 SETTINGS = params.table_of(GeoreferenceSettings)
@@ -91,7 +92,7 @@ class GeoreferenceNode(StabNode):
         self._newest_ns, self._size = -1, (0, 0)  # stamp and size of the newest frame
         self._window_H_ref: Homography = np.eye(3)  # of image_stabilized
         self._resets = 0  # as far as they were said
-        self._silence: dict[str, StreamTimeout] = {}  # of the topics that frames wait for
+        self._patience: dict[str, Patience] = {}  # with the topics that frames wait for
         self._warnings = ThrottledWarnings(self.get_logger())
         self._stamps, self._failures = StampMonitor(), Failures(self.get_logger())
         self.outputs = GeoreferencePublishers(self, lossless=self.settings.queue_depth == 0)
@@ -258,25 +259,29 @@ class GeoreferenceNode(StabNode):
 
     # silence ---------------------------------------------------------------------------------------------------------
     def _await(self, topic: str) -> None:
-        """Frames wait for messages of this topic from now on, until it has been silent for `wait_s` of free time."""
-        self._silence[topic] = StreamTimeout(round(self.settings.wait_s * SECOND_NS))
-        self._heard(topic)
+        """Frames wait for messages of this topic from now on."""
+        self._patience[topic] = Patience(round(self.settings.wait_s * SECOND_NS))
 
     def _heard(self, topic: str) -> None:
-        if topic in self._silence:
-            self._silence[topic].on_image(self.free.ns)
+        if topic in self._patience:
+            self._patience[topic].heard(self.free.ns)
 
     def _give_up_waiting(self) -> None:
         """Places the frames that wait for what has fallen silent, by what is there."""
-        silent = [topic for topic, timeout in self._silence.items() if timeout.is_stale(self.free.ns)]
-        motions = self._motions
+        motions, silent = self._motions, self._silent()
         if motions is not None and motions.topic in silent and len(self._frames):
             motions.flush()
             self._place(self._frames.flush())
-        if self.engine is not None and self._pending and set(silent) - {motions.topic if motions else ""}:
+        if self.engine is not None and any(topic in silent for topic in _SENSORS):
             self._answer(self.engine.finish)
-        self.status.silent = tuple(silent)
+        self.status.silent = silent
         self.status.waiting = len(self._frames) + len(self._pending)
+
+    def _silent(self) -> tuple[str, ...]:
+        """The topics that frames wait for in vain."""
+        in_engine = self.engine is not None and self.engine.waiting > 0
+        return tuple(topic for topic, patience in self._patience.items()
+                     if patience.check(self.free.ns, in_engine if topic in _SENSORS else len(self._frames) > 0))
 
     # placing ---------------------------------------------------------------------------------------------------------
     def _place(self, pairs: list[_Paired]) -> None:
@@ -329,7 +334,7 @@ class GeoreferenceNode(StabNode):
         if self._camera_info is not None:
             self._camera_info.locked = True
         if self._takes_attitude:
-            for topic in (FIX_TOPIC, "attitude"):
+            for topic in _SENSORS:
                 self._await(topic)
 
     # output ----------------------------------------------------------------------------------------------------------
