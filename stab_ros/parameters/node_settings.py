@@ -65,7 +65,7 @@ class GeoreferenceSettings(Checked):
         "auto", "Type of water_level: std_msgs/Float64, geometry_msgs/PointStamped, or auto for that of its publisher",
         choices=("auto", "Float64", "PointStamped"))
     wait_s: float = setting(
-        12.0, "Time in seconds, while free to take messages, that frames wait in vain for homographies or for samples of "
+        12.0, "Time in seconds, while free to take messages, that frames wait in vain for homographies or samples of "
         "a sensor, before they are placed without; a start of the tracker that pauses takes 10 s", 0.05, 3600.0)
     stale_s: float = setting(
         2.0, "Time in seconds without an image, while free to take one, before the state is STALE", 0.05, 3600.0)
