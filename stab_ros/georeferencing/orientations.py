@@ -6,9 +6,11 @@ from stab_ros.core.errors import ConfigError
 from stab_ros.georeferencing.control_points import ControlPoints
 from stab_ros.georeferencing.dynamic_gcps import DynamicGcps
 from stab_ros.georeferencing.dynamic_gcps_stabilization import DynamicGcpsStabilization
+from stab_ros.georeferencing.dynamic_gps_imu import DynamicGpsImu
 from stab_ros.georeferencing.dynamic_stabilization import DynamicStabilization
 from stab_ros.georeferencing.gcp_fit import GcpFit, fit_gcps
 from stab_ros.georeferencing.orientation import Orientation
+from stab_ros.georeferencing.sensors import Sensors
 from stab_ros.georeferencing.settings import WITH_GCPS, GeoreferenceConfig
 from stab_ros.georeferencing.stationary_gcps import StationaryGcps
 from stab_ros.georeferencing.stationary_nadir import StationaryNadir
@@ -16,7 +18,7 @@ from stab_ros.imaging.camera import Camera
 
 
 def make_orientation(config: GeoreferenceConfig, camera: Camera, calibrated: bool,
-                     gcps: ControlPoints | None = None) -> Orientation:
+                     gcps: ControlPoints | None = None, sensors: Sensors | None = None) -> Orientation:
     """The orientation of the settings.
 
     Args:
@@ -24,6 +26,7 @@ def make_orientation(config: GeoreferenceConfig, camera: Camera, calibrated: boo
         camera: that takes the images.
         calibrated: whether its K is known.
         gcps: ground control points, in the map; None: there are none.
+        sensors: that the orientation may take; None: none.
 
     Raises:
         InputError: it needs what is not given.
@@ -39,7 +42,7 @@ def make_orientation(config: GeoreferenceConfig, camera: Camera, calibrated: boo
                           "a topic camera_info")
     if config.orientation == "stationary_nadir":
         return StationaryNadir(config, camera, gcps)
-    raise ConfigError(f"orientation {config.orientation} is not available")
+    return DynamicGpsImu(config, camera, sensors or Sensors(config.time_offset_s))
 
 
 def _with_gcps(config: GeoreferenceConfig, found: GcpFit) -> Orientation:

@@ -11,7 +11,7 @@ from stab_ros.imaging.warp import INTERPOLATION
 
 ORIENTATIONS = ("stationary_nadir", "stationary_gcps", "dynamic_gcps", "dynamic_stabilization",
                 "dynamic_gcps_stabilization", "dynamic_gps_imu")
-_WITH_MOTION = ("dynamic_stabilization", "dynamic_gcps_stabilization", "dynamic_gps_imu")
+_WITH_MOTION = ("dynamic_stabilization", "dynamic_gcps_stabilization")
 WITH_GCPS = ("stationary_gcps", "dynamic_gcps", "dynamic_gcps_stabilization")
 
 
@@ -67,6 +67,9 @@ class GeoreferenceConfig(Checked):
     mount_rad: str = setting(
         "0, 0, 0", "Attitude of the camera in the body whose attitude is measured, 'yaw, pitch, roll' in radians, "
         "pitch positive downwards; 0, 0, 0: the sensor turns with the camera, as that of a gimbal")
+    fix_height_offset_m: float = setting(
+        0.0, "Metres to add to the heights of fixes to get those of the map: minus the undulation of the geoid for "
+        "levels above the sea, the height of the place of take-off for heights above it", -1000.0, 9000.0)
     position_sigma_m: float = setting(
         3.0, "Standard deviation in metres of positions that come without one", 0.001, 1000.0)
     attitude_sigma_rad: float = setting(
@@ -101,6 +104,11 @@ class GeoreferenceConfig(Checked):
 def needs_motion(config: GeoreferenceConfig) -> bool:
     """Whether the orientation takes homographies of frames."""
     return config.orientation in _WITH_MOTION
+
+
+def needs_sensors(config: GeoreferenceConfig) -> bool:
+    """Whether the orientation takes positions and attitudes."""
+    return config.orientation == "dynamic_gps_imu"
 
 
 def numbers_of(name: str, text: str, count: int) -> tuple[float, ...]:

@@ -10,17 +10,19 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
+from stab_ros.core.errors import InputError
 from stab_ros.core.kernels import Compiler, compile_kernels
 from stab_ros.core.progress import Progress
 from stab_ros.core.settings import Value
 from stab_ros.core.types import Homography, LostReason, State, Track
 from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
-from stab_ros.georeferencing.settings import needs_motion
+from stab_ros.georeferencing.settings import needs_motion, needs_sensors
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.bag import BagWriter, Message
 from stab_ros.io.cdr import CAMERA_INFO
 from stab_ros.io.homographies import HomographyWriter
 from stab_ros.io.outputs import check_output, completed
+from stab_ros.io.sensors import Sensors, read_sensors
 from stab_ros.io.source import Clock, Kind, Picture, Source, kind_of, namespace_of, open_source, read_again
 from stab_ros.io.topics import CAMERA_INFO_TOPIC, STABILIZED_TOPIC, topic_in
 from stab_ros.jobs.georeferenced_bag import GeoreferencedBag
@@ -35,6 +37,7 @@ from stab_ros.jobs.motions import (
 )
 from stab_ros.jobs.pipeline import OnFrame, PictureTracker
 from stab_ros.jobs.placing import PicturePlacer, PlacedPicture
+from stab_ros.jobs.sensor_feed import feed
 from stab_ros.jobs.stabilize import expected
 from stab_ros.jobs.stage import Stage
 from stab_ros.parameters.engines import make_georeferencer, make_stabilizer
@@ -76,6 +79,7 @@ class Georeferencing:
     values: dict[str, float] = field(default_factory=dict)  # of the last placed frame
     grid_size: tuple[int, int] | None = None
     resolution_m: float = 0.0
+    first_ns: int | None = None  # stamp of the first frame
     geotiffs: int = 0
     duration_s: float = 0.0
     warnings: tuple[str, ...] = ()
@@ -86,6 +90,7 @@ class Georeferencing:
 
     def add(self, answer: Georeferenced) -> None:
         self.frames += 1
+        self.first_ns = answer.frame.stamp_ns if self.first_ns is None else self.first_ns
         placement, grid = answer.placement, answer.grid
         if placement is None or grid is None:
             self.unplaced[answer.reason] += 1
@@ -113,6 +118,7 @@ def georeference(job: Job, progress: Progress, compiling: Compiler = compile_ker
         started_s, total = time.monotonic(), expected(source.count, job.limit)
         with _outputs(job, source, work.camera, orientation) as outputs:
             result = _run(job, source, work, outputs, lambda done: progress(done, total))
+            _check_placed(source, work, result)
         result.duration_s = time.monotonic() - started_s
         result.warnings = (*outputs.warnings, *source.warnings, *work.warnings, *_said(source, result))
     return result
@@ -123,24 +129,43 @@ class _Work:
     """What a recording is worked on with.
 
     camera: of the images; None: of unknown K. image_H_ref: as for `Georeferencer`. recorded: homographies in the input.
+    sensors: of the input or of --telemetry.
     """
 
     camera: Camera | None
     image_H_ref: Homography | None
     recorded: RecordedMotions | None
+    sensors: Sensors | None
     warnings: tuple[str, ...]
 
 
 def _prepared(job: Job, source: Source) -> _Work:
     namespace = namespace_of(source.topics[source.image_topic])
     recorded = read_motions(job.source, namespace, source.topics) if kind_of(job.source) is Kind.BAG else None
+    sensors = _sensors_of(job)
     stabilised = source.image_topic == topic_in(namespace, STABILIZED_TOPIC)
-    warnings = () if recorded is None or not recorded.damaged else (
-        f"{source.name}: {recorded.damaged} messages of homographies cannot be read, their frames are lost",)
+    damaged = 0 if recorded is None else recorded.damaged
+    lost = f"{source.name}: {damaged} messages of homographies cannot be read, their frames are lost"
+    warnings = (*((lost,) if damaged else ()), *(() if sensors is None else sensors.warnings))
     if stabilised:
         recorded = check_homographies(job.source, recorded)
-        return _Work(recorded.camera, recorded.image_H_ref, recorded, warnings)
-    return _Work(_camera_of(source, namespace), None, recorded, warnings)
+        return _Work(recorded.camera, recorded.image_H_ref, recorded, sensors, warnings)
+    return _Work(_camera_of(source, namespace), None, recorded, sensors, warnings)
+
+
+def _sensors_of(job: Job) -> Sensors | None:
+    """The sensors of --telemetry, or those of the input if it is a recording.
+
+    Raises:
+        InputError: the orientation needs sensors that are not there.
+    """
+    where = job.telemetry or job.source
+    sensors = read_sensors(where) if job.telemetry is not None or kind_of(where) is Kind.BAG else None
+    if needs_sensors(georeference_config(job.values)) and (
+            sensors is None or not (sensors.fixes and sensors.attitudes)):
+        raise InputError(f"{where}: dynamic_gps_imu needs fixes (NavSatFix) and attitudes (Imu, QuaternionStamped), as "
+                         "telemetry writes them; name their recording with --telemetry")
+    return sensors
 
 
 def _camera_of(source: Source, namespace: str) -> Camera | None:
@@ -222,6 +247,8 @@ def _motion_of(job: Job, work: _Work) -> MotionOf:
 def _begun(job: Job, work: _Work, size: tuple[int, int]) -> tuple[Georeferencer, GeoTiffs | None]:
     reference_size = size if work.recorded is None or work.image_H_ref is None else work.recorded.reference_size
     engine = make_georeferencer(job.values, work.camera, reference_size or size, work.image_H_ref)
+    if work.sensors is not None:
+        feed(engine, work.sensors)
     if job.geotiff is None:
         return engine, None
     return engine, GeoTiffs(job.geotiff, job.interval_s, in_the_map, engine.orthophoto)
@@ -234,6 +261,16 @@ def _said(source: Source, result: Georeferencing) -> list[str]:
         total = result.undecoded.total()
         said.append(f"{source.name}: {total} images of {source.image_topic} cannot be decoded and have no answer; "
                     f"the first: {next(iter(result.undecoded))}")
-    if not result.placed:
-        said.append(f"{source.name}: not one frame could be placed")
     return said
+
+
+def _check_placed(source: Source, work: _Work, result: Georeferencing) -> None:
+    """Raises InputError where not one frame is placed."""
+    if result.placed:
+        return
+    reason = result.unplaced.most_common(1)[0][0] if result.unplaced else "there is no frame"
+    sensors = work.sensors
+    times = "" if sensors is None or not sensors.fixes or result.first_ns is None else (
+        f"; the fixes are of {sensors.fixes[0].stamp_ns / 1e9:.1f} to {sensors.fixes[-1].stamp_ns / 1e9:.1f} s, the "
+        f"first frame is of {result.first_ns / 1e9:.1f} s: time_offset_s brings clocks together")
+    raise InputError(f"{source.name}: not one frame can be placed: {reason}{times}")

@@ -11,8 +11,10 @@ from stab_ros.core.settings import Value
 from stab_ros.core.types import Homography
 from stab_ros.evaluation.evaluator import Evaluator
 from stab_ros.georeferencing.georeferencer import Georeferencer
+from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.georeferencing.orientations import make_orientation
 from stab_ros.georeferencing.sensors import Sensors
+from stab_ros.georeferencing.settings import numbers_of
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.points import read_points, read_tracking_points
 from stab_ros.io.regions import read_area
@@ -85,8 +87,19 @@ def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size:
     known = camera or uncalibrated(size)
     if image_H_ref is not None:
         known = Camera(known.K, np.zeros(0), "plumb_bob", known.size)
-    orientation = make_orientation(config, known, camera is not None)
-    return Georeferencer(config, known, orientation, Sensors(config.time_offset_s), image_H_ref)
+    sensors, local_frame = Sensors(config.time_offset_s), origin_of(values)
+    orientation = make_orientation(config, known, camera is not None, None, sensors)
+    return Georeferencer(config, known, orientation, sensors, image_H_ref, local_frame=local_frame)
+
+
+def origin_of(values: Mapping[str, Value]) -> LocalFrame | None:
+    """The origin of the map that the parameter `origin` names; None: it names none.
+
+    Raises:
+        InputError: it is none.
+    """
+    text = str(values.get("origin", ""))
+    return LocalFrame(*numbers_of("origin", text, 3)) if text.strip() else None
 
 
 def uncalibrated(size: tuple[int, int]) -> Camera:

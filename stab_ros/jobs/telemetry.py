@@ -1,0 +1,195 @@
+"""Turns the telemetry of a drone or a receiver into a bag: NavSatFix, and the attitudes of gimbal and drone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, tzinfo
+from operator import itemgetter
+from pathlib import Path
+from typing import TypeVar
+
+from stab_ros.core.errors import InputError
+from stab_ros.core.progress import Progress
+from stab_ros.io.attitude_message import Attitude, imu_cdr, quaternion_cdr
+from stab_ros.io.bag import BagWriter, topic_of
+from stab_ros.io.cdr import IMU, NAV_SAT_FIX, QUATERNION_STAMPED
+from stab_ros.io.fix_message import Fix, fix_cdr
+from stab_ros.io.outputs import check_output
+from stab_ros.io.repeated import measured
+from stab_ros.io.telemetry import TELEMETRY, read_telemetry
+from stab_ros.io.telemetry_clock import TelemetryClock, Timing, clock_of, stamps_of
+from stab_ros.io.telemetry_mending import mended
+from stab_ros.io.telemetry_record import Record, Recorded
+from stab_ros.io.topics import DEFAULT_NAMESPACE, FIX_TOPIC, GIMBAL_TOPIC, IMU_TOPIC, topic_in
+
+_CLOCKS = {TelemetryClock.VIDEO: "stamps are 1 s + the time since the first frame of the video, as those of its frames",
+           TelemetryClock.UTC: "stamps are in UTC"}
+_S = TypeVar("_S", Fix, Attitude)
+
+
+@dataclass(frozen=True)
+class Telemetry:
+    """What to turn into a bag.
+
+    Attributes:
+        source: an .srt, a .pos or a .csv.
+        output: the bag to write.
+        namespace: of its topics.
+        timing: how messages are stamped.
+        zone: of dates in the file that do not name theirs.
+        home_height_m: height of the place of take-off: fixes get it plus the height above it; None: the file's height.
+        swap: the file has longitude for latitude, and the other way round.
+        force: overwrite the output.
+    """
+
+    source: Path
+    output: Path
+    namespace: str = DEFAULT_NAMESPACE
+    timing: Timing = field(default_factory=Timing)
+    zone: tzinfo = UTC
+    home_height_m: float | None = None
+    swap: bool = False
+    force: bool = False
+
+
+@dataclass(frozen=True)
+class Converted:
+    """What was written.
+
+    Attributes:
+        counts: number of messages of each topic.
+        first: the first fix; None: there is none.
+        notes: how the file was taken, one line each.
+        warnings: what was left out or is in doubt, one line each.
+    """
+
+    counts: dict[str, int]
+    first: Fix | None
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Stream:
+    """The messages of one topic, with their stamps."""
+
+    name: str
+    msgtype: str
+    messages: Sequence[tuple[int, bytes]]
+
+
+def convert_telemetry(job: Telemetry, progress: Progress) -> Converted:
+    """Runs the job.
+
+    Raises:
+        InputError: an argument or the file is unusable; no output remains.
+        WorkError: the bag could not be finished; the readable part remains under its `.partial` name.
+    """
+    if not job.source.exists():
+        raise InputError(f"{job.source}: no such file, it must be {TELEMETRY}")
+    check_output(job.output, ".mcap", job.source, job.force)
+    recorded = mended(read_telemetry(job.source, job.zone, progress), job.swap)
+    warnings = list(recorded.warnings)
+    notes = [*recorded.notes, _CLOCKS[clock_of(recorded, job.timing)]]
+    try:
+        records = _in_order(recorded, job.timing, warnings)
+        fixes = _fixes(records, job.home_height_m, warnings)
+        streams = [*_fix_streams(job.namespace, fixes, notes), *_attitude_streams(job.namespace, records, notes)]
+    except InputError as error:
+        raise InputError(f"{job.source}: {error}") from error
+    _write(job, streams)
+    return Converted({stream.name: len(stream.messages) for stream in streams}, fixes[0] if fixes else None,
+                     tuple(_named(job.source, notes)), tuple(_named(job.source, warnings)))
+
+
+def _named(source: Path, lines: Iterable[str]) -> list[str]:
+    return [f"{source}: {line}" for line in lines]
+
+
+def _in_order(recorded: Recorded, timing: Timing, warnings: list[str]) -> list[tuple[int, Record]]:
+    """The records by their stamps, none of which comes twice or lies before 0.
+
+    Raises:
+        InputError: no record tells anything, there are no times for the stamps, or all lie before 0.
+    """
+    if not any(record.tells for record in recorded.records):
+        raise InputError(f"holds no position that can be one; {'; '.join(recorded.warnings)}")
+    stamps, doubts = stamps_of(recorded, timing)
+    by_stamp: dict[int, Record] = {}
+    for stamp_ns, record in zip(stamps, recorded.records, strict=True):
+        by_stamp.setdefault(stamp_ns, record)
+    late = [stamp_ns for stamp_ns in by_stamp if stamp_ns >= 0]
+    if not late:
+        raise InputError("all its moments lie before the first frame of the video, --start or --offset-s is wrong")
+    warnings += doubts
+    if len(late) < len(by_stamp):
+        warnings.append(f"{len(by_stamp) - len(late)} moments before the first frame of the video are left out")
+    if len(by_stamp) < len(stamps):
+        warnings.append(f"{len(stamps) - len(by_stamp)} moments have the time of an earlier one and are left out")
+    if late != sorted(late):
+        warnings.append("its moments are not in the order of time, they are put in it")
+    return [(stamp_ns, by_stamp[stamp_ns]) for stamp_ns in sorted(late)]
+
+
+def _fixes(records: Sequence[tuple[int, Record]], home_height_m: float | None, warnings: list[str]) -> list[Fix]:
+    placed = [(stamp_ns, record) for stamp_ns, record in records if record.placed]
+    heights = _heights([record for _, record in placed], home_height_m, warnings)
+    return [Fix(stamp_ns, record.latitude_deg, record.longitude_deg, height_m, record.covariance_m2, record.status,
+                "gps") for (stamp_ns, record), height_m in zip(placed, heights, strict=True)]
+
+
+def _heights(records: Sequence[Record], home_height_m: float | None, warnings: list[str]) -> list[float]:
+    """Heights of the fixes, m: those of the file, or those above the place of take-off on top of `home_height_m`."""
+    above = [record.above_takeoff_m for record in records]
+    told = [record.height_m for record in records]
+    relative = any(map(math.isfinite, above))
+    if home_height_m is not None and relative:
+        return [home_height_m + height_m for height_m in above]
+    if home_height_m is not None:
+        warnings.append("it tells no heights above the place of take-off, --home-height is not used")
+    if relative and not any(map(math.isfinite, told)):
+        warnings.append("its heights count from the place of take-off, --home-height puts them above the ellipsoid")
+        return above
+    missing = sum(map(math.isnan, told))
+    if missing:
+        warnings.append(f"{missing} of {len(told)} positions have no height")
+    return told
+
+
+def _fix_streams(namespace: str, fixes: Sequence[Fix], notes: list[str]) -> list[_Stream]:
+    values = [(fix.latitude_deg, fix.longitude_deg, repr(fix.height_m)) for fix in fixes]
+    return _stream(topic_in(namespace, FIX_TOPIC), NAV_SAT_FIX, fixes, values, fix_cdr, notes)
+
+
+def _attitude_streams(namespace: str, records: Sequence[tuple[int, Record]], notes: list[str]) -> list[_Stream]:
+    gimbal = [Attitude(stamp_ns, record.gimbal, frame_id="gimbal") for stamp_ns, record in records
+              if record.gimbal is not None]
+    body = [Attitude(stamp_ns, record.body, frame_id="base_link") for stamp_ns, record in records
+            if record.body is not None]
+    return [stream for topic, msgtype, attitudes, cdr in (
+        (GIMBAL_TOPIC, QUATERNION_STAMPED, gimbal, quaternion_cdr), (IMU_TOPIC, IMU, body, imu_cdr))
+        for stream in _stream(topic_in(namespace, topic), msgtype, attitudes,
+                              [tuple(attitude.map_q_body.tolist()) for attitude in attitudes], cdr, notes)]
+
+
+def _stream(name: str, msgtype: str, samples: Sequence[_S], values: Sequence[Hashable], cdr: Callable[[_S], bytes],
+            notes: list[str]) -> list[_Stream]:
+    """The messages of the samples that were measured and not repeated; none without samples."""
+    if not samples:
+        return []
+    places = measured(values)
+    if len(places) < len(samples):
+        notes.append(f"{len(samples) - len(places)} of {len(samples)} values of {name} are repeated, not measured, and "
+                     "are left out")
+    return [_Stream(name, msgtype, [(samples[place].stamp_ns, cdr(samples[place])) for place in places])]
+
+
+def _write(job: Telemetry, streams: Sequence[_Stream]) -> None:
+    with BagWriter(job.output, overwrite=job.force) as writer:
+        for stream in streams:
+            writer.add_topic(topic_of(stream.name, stream.msgtype))
+        messages = ((stamp_ns, stream.name, data) for stream in streams for stamp_ns, data in stream.messages)
+        for stamp_ns, name, data in sorted(messages, key=itemgetter(0)):
+            writer.write(name, stamp_ns, stamp_ns, data)
