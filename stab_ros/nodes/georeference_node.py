@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable
@@ -10,20 +11,21 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from stab_ros.core.errors import ConfigError, InputError, MessageError
+from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.kernels import Compilation, compile_kernels
 from stab_ros.core.settings import Value
 from stab_ros.core.timeline import Advance
 from stab_ros.core.types import Frame, Homography
 from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
+from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.georeferencing.orientation import Unplaced
 from stab_ros.georeferencing.samples import AttitudeSample
-from stab_ros.georeferencing.settings import needs_motion
+from stab_ros.georeferencing.settings import needs_motion, needs_sensors
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.attitude_message import Attitude
 from stab_ros.io.cdr import SECOND_NS
 from stab_ros.io.fix_message import Fix
-from stab_ros.io.georeference_messages import georeference_values
+from stab_ros.io.georeference_messages import gcps_of_cdr, georeference_values, origin_cdr
 from stab_ros.io.image_message import read_image
 from stab_ros.io.topics import FIX_TOPIC, ORTHO_INFO_TOPIC, STABILIZED_TOPIC, WATER_LEVEL_TOPIC
 from stab_ros.io.water_level_message import WaterLevel
@@ -34,18 +36,19 @@ from stab_ros.nodes.georeference_publishers import GeoreferencePublishers
 from stab_ros.nodes.georeference_status import GeoreferenceStatus, Result
 from stab_ros.nodes.image_input import ImageInput
 from stab_ros.nodes.motion_input import MotionInput, Told
+from stab_ros.nodes.patience import Patience
 from stab_ros.nodes.runtime import StabNode
 from stab_ros.nodes.sensor_inputs import SensorInputs
 from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.stamp_monitor import StampMonitor
 from stab_ros.nodes.stamp_pairing import Pair, StampPairing
-from stab_ros.nodes.stream_timeout import StreamTimeout
 from stab_ros.nodes.throttled_warnings import ThrottledWarnings
-from stab_ros.parameters.engines import make_georeferencer
+from stab_ros.parameters.engines import camera_file_of, check_georeference, make_georeferencer
 from stab_ros.parameters.node_settings import GeoreferenceSettings
 from stab_ros.parameters.table import GEOREFERENCE_PARAMETERS, georeference_config
 
 _POLL_NS = SECOND_NS // 10  # period at which subscribers, publishers and the silence are checked
+_SENSORS = (FIX_TOPIC, "attitude")  # which frames wait for in the engine
 _SAMPLES = 20_000  # of sensors that are kept for another engine
 
 SETTINGS = params.table_of(GeoreferenceSettings)
@@ -74,10 +77,16 @@ class GeoreferenceNode(StabNode):
         params.warn_of_unknown(self, values)
         chosen: Any = {item.name: values.pop(item.name) for item in fields(GeoreferenceSettings)}
         self.settings = GeoreferenceSettings(**chosen)
+        check_georeference(values)
         self.values, self._config = values, georeference_config(values)
+        file = camera_file_of(values)
+        self._camera_of_file = None if file is None else file.camera
         self._stabilized = self.settings.input == STABILIZED_TOPIC
         self.engine: Georeferencer | None = None
-        self._camera_info = CameraInfoSubscription(self, self._release) if self._takes_camera_info else None
+        self._unmade = ""  # why there is none
+        self._origin: LocalFrame | None = None  # of the map; it stays
+        self._rejected: tuple[str, ...] | None = None  # control points, as the last message of them shows
+        self._camera_info = CameraInfoSubscription(self, self._use_camera) if self._takes_camera_info else None
         self.status = GeoreferenceStatus(self._config.orientation, round(self.settings.stale_s * SECOND_NS))
         self._images = ImageInput(
             self, compressed=self.settings.image_transport == "compressed", keep_all=self.settings.queue_depth == 0,
@@ -91,7 +100,7 @@ class GeoreferenceNode(StabNode):
         self._newest_ns, self._size = -1, (0, 0)  # stamp and size of the newest frame
         self._window_H_ref: Homography = np.eye(3)  # of image_stabilized
         self._resets = 0  # as far as they were said
-        self._silence: dict[str, StreamTimeout] = {}  # of the topics that frames wait for
+        self._patience: dict[str, Patience] = {}  # with the topics that frames wait for
         self._warnings = ThrottledWarnings(self.get_logger())
         self._stamps, self._failures = StampMonitor(), Failures(self.get_logger())
         self.outputs = GeoreferencePublishers(self, lossless=self.settings.queue_depth == 0)
@@ -113,7 +122,7 @@ class GeoreferenceNode(StabNode):
         self.outputs.flush()
 
     def on_failure(self, error: BaseException) -> None:
-        if not isinstance(error, Exception) or isinstance(error, ConfigError):
+        if not isinstance(error, Exception):
             raise error
         self._failures.note(error)
         self._say_failure()
@@ -125,21 +134,19 @@ class GeoreferenceNode(StabNode):
     # what is taken ---------------------------------------------------------------------------------------------------
     @property
     def _takes_camera_info(self) -> bool:
-        return self.settings.use_camera_info and not self.values["camera_file"] and not self._stabilized
-
-    @property
-    def _takes_attitude(self) -> bool:
-        return self._config.orientation == "dynamic_gps_imu"
+        return self.settings.use_camera_info and self._camera_of_file is None and not self._stabilized
 
     @property
     def _takes_motion(self) -> bool:
-        return self._stabilized or needs_motion(self._config)
+        return self._stabilized or self.settings.use_homographies or needs_motion(self._config)
 
     def _knows_camera(self) -> bool:
         """Whether images can be placed: no camera_info is needed, or it is known."""
         return self._camera_info is None or self._camera_info.camera is not None
 
-    def _release(self) -> None:
+    def _use_camera(self) -> None:
+        """The camera has become known, or is another one as long as no frame was placed."""
+        self._unmade = ""
         self._images.release()
 
     def _poll(self) -> None:
@@ -167,7 +174,7 @@ class GeoreferenceNode(StabNode):
 
     def _open_inputs(self) -> None:
         """Subscribes to what the orientation takes, once: it may be changed, and changed back."""
-        if self._takes_attitude:
+        if needs_sensors(self._config):
             self._sensors.open_attitude()
         if self._takes_motion and self._motions is None and self._images.is_open:
             self._motions = MotionInput(self, self._on_told, lambda text: self.on_unusable("", text))
@@ -210,7 +217,7 @@ class GeoreferenceNode(StabNode):
 
     def _begin_anew(self) -> None:
         """Frames that wait are placed by what is known; the next one has another engine."""
-        if self.engine is not None and self._takes_attitude:
+        if self.engine is not None and needs_sensors(self._config):
             self._answer(self.engine.finish)
             self.engine = None
 
@@ -255,28 +262,41 @@ class GeoreferenceNode(StabNode):
             engine.set_water_level(sample.stamp_ns, sample.wse_m)
         elif isinstance(sample, Attitude):
             engine.add_attitude(AttitudeSample(sample.stamp_ns, sample.map_q_body, sample.covariance_rad2))
+        elif math.isfinite(sample.height_m):
+            self._feed_fix(engine, sample)
+
+    def _feed_fix(self, engine: Georeferencer, fix: Fix) -> None:
+        try:
+            engine.add_fix(fix.stamp_ns, np.array([fix.latitude_deg, fix.longitude_deg, fix.height_m]),
+                           fix.covariance_m2)
+        except InputError as error:
+            self.on_unusable(FIX_TOPIC, str(error))
 
     # silence ---------------------------------------------------------------------------------------------------------
     def _await(self, topic: str) -> None:
-        """Frames wait for messages of this topic from now on, until it has been silent for `wait_s` of free time."""
-        self._silence[topic] = StreamTimeout(round(self.settings.wait_s * SECOND_NS))
-        self._heard(topic)
+        """Frames wait for messages of this topic from now on."""
+        self._patience[topic] = Patience(round(self.settings.wait_s * SECOND_NS))
 
     def _heard(self, topic: str) -> None:
-        if topic in self._silence:
-            self._silence[topic].on_image(self.free.ns)
+        if topic in self._patience:
+            self._patience[topic].heard(self.free.ns)
 
     def _give_up_waiting(self) -> None:
         """Places the frames that wait for what has fallen silent, by what is there."""
-        silent = [topic for topic, timeout in self._silence.items() if timeout.is_stale(self.free.ns)]
-        motions = self._motions
+        motions, silent = self._motions, self._silent()
         if motions is not None and motions.topic in silent and len(self._frames):
             motions.flush()
             self._place(self._frames.flush())
-        if self.engine is not None and self._pending and set(silent) - {motions.topic if motions else ""}:
+        if self.engine is not None and any(topic in silent for topic in _SENSORS):
             self._answer(self.engine.finish)
-        self.status.silent = tuple(silent)
+        self.status.silent = silent
         self.status.waiting = len(self._frames) + len(self._pending)
+
+    def _silent(self) -> tuple[str, ...]:
+        """The topics that frames wait for in vain."""
+        in_engine = self.engine is not None and self.engine.waiting > 0
+        return tuple(topic for topic, patience in self._patience.items()
+                     if patience.check(self.free.ns, in_engine if topic in _SENSORS else len(self._frames) > 0))
 
     # placing ---------------------------------------------------------------------------------------------------------
     def _place(self, pairs: list[_Paired]) -> None:
@@ -285,8 +305,6 @@ class GeoreferenceNode(StabNode):
             try:
                 engine = self._engine_for(pair.question.frame, told)
                 engine.add_frame(pair.question.frame, None if told is None else told.motion)
-            except ConfigError:
-                raise
             except InputError as error:
                 self.status.count("frames_refused")
                 self._warn("refused", f"refused an image: {error}")
@@ -302,7 +320,7 @@ class GeoreferenceNode(StabNode):
         moved = self._stabilized and not np.array_equal(window_H_ref, self._window_H_ref)
         if self.engine is None or moved:
             self._window_H_ref = window_H_ref
-            self._use(self._made(self.values, frame.size))
+            self._use(self._made_once(frame.size))
         assert self.engine is not None
         return self.engine
 
@@ -311,9 +329,25 @@ class GeoreferenceNode(StabNode):
         """That took the images; None: of unknown calibration."""
         if self._stabilized:
             return None if self._motions is None else self._motions.camera
+        if self._camera_of_file is not None:
+            return self._camera_of_file
         return None if self._camera_info is None else self._camera_info.camera
 
+    def _made_once(self, size: tuple[int, int]) -> Georeferencer:
+        """Raises InputError, without trying again, until parameters or the camera change."""
+        if self._unmade:
+            raise InputError(self._unmade)
+        try:
+            return self._made(self.values, size)
+        except InputError as error:
+            self._unmade = str(error)
+            self.get_logger().error(f"no frame can be placed: {error}")
+            raise
+
     def _made(self, values: dict[str, Value], size: tuple[int, int]) -> Georeferencer:
+        if self._origin is not None:
+            place = (self._origin.latitude_deg, self._origin.longitude_deg, self._origin.height_m)
+            values = {**values, "origin": ", ".join(map(repr, place))}
         reference_size = None if self._motions is None else self._motions.reference_size
         if not self._stabilized:
             return make_georeferencer(values, self.camera, size)
@@ -328,8 +362,8 @@ class GeoreferenceNode(StabNode):
             self._feed(engine, sample)
         if self._camera_info is not None:
             self._camera_info.locked = True
-        if self._takes_attitude:
-            for topic in (FIX_TOPIC, "attitude"):
+        if needs_sensors(self._config):
+            for topic in _SENSORS:
                 self._await(topic)
 
     # output ----------------------------------------------------------------------------------------------------------
@@ -356,11 +390,21 @@ class GeoreferenceNode(StabNode):
 
     def _publish(self, one: Georeferenced, source_ns: int, engine: Georeferencer) -> None:
         self.outputs.send(one, None if self._stabilized else self.camera, self._config.orientation)
+        self._publish_map(one, engine)
         latency_ns = time.time_ns() - source_ns
         warnings = () if one.placement is None else one.placement.warnings
         values = georeference_values(one, self._config.orientation)
         self.status.on_result(Result(one.frame.stamp_ns, one.reason, warnings, values, latency_ns))
         self.outputs.send_image(one, engine)
+
+    def _publish_map(self, one: Georeferenced, engine: Georeferencer) -> None:
+        """The origin, once it is known, and the control points where others are rejected than before."""
+        if self._origin is None and engine.local_frame is not None:
+            self._origin = engine.local_frame
+            self.outputs.send_origin(origin_cdr(one, engine.local_frame))
+        if engine.gcps is not None and one.placement is not None and one.placement.rejected != self._rejected:
+            self._rejected = one.placement.rejected
+            self.outputs.send_gcps(gcps_of_cdr(one, engine.gcps))
 
     # warnings and diagnostics ----------------------------------------------------------------------------------------
     def _tell_of_reset(self, told: Told) -> None:
@@ -376,14 +420,17 @@ class GeoreferenceNode(StabNode):
         self._warnings.log(kind, text)
 
     def _report(self) -> None:
-        self.status.before = self._images.before
+        self.status.before, self.status.unmade = self._images.before, self._unmade
+        self.status.doubts = () if self.engine is None else self.engine.doubts
         self.publish_diagnostics(self.status.report(self.free.ns))
 
     # parameters ------------------------------------------------------------------------------------------------------
     def _change(self, changed: dict[str, Value]) -> None:
         values = {**self.values, **changed}
         config = georeference_config(values)
+        check_georeference(values)
         engine = None if self.engine is None else self._made(values, self._size)
+        self._unmade, self._rejected = "", None
         self.values, self._config, self.status.orientation = values, config, config.orientation
         if engine is not None:
             self._use(engine)

@@ -34,6 +34,8 @@ class GeoreferenceStatus:
     def __init__(self, orientation: str, stale_ns: int) -> None:
         self.orientation = orientation
         self.waiting_for = "images"
+        self.unmade = ""  # why no frame can be placed at all
+        self.doubts: tuple[str, ...] = ()  # of the whole stream
         self.faults: Mapping[str, str] = {}  # of publishers, by topic
         self.silent: tuple[str, ...] = ()  # topics that frames no longer wait for
         self.before = self.waiting = self.errors = 0
@@ -75,8 +77,8 @@ class GeoreferenceStatus:
         once, self._warnings = self._warnings, {}
         doubts = self._result.warnings if self._result is not None and state == "PLACED" else ()
         silent = [f"{topic} is silent, frames do not wait for it" for topic in self.silent]
-        warnings = [*doubts, *self.faults.values(), *silent, *once.values()]
-        level = {"PLACED": OK, "STALE": ERROR}.get(state, WARN)
+        warnings = [*self.doubts, *doubts, *self.faults.values(), *silent, *once.values()]
+        level = ERROR if self.unmade else {"PLACED": OK, "STALE": ERROR}.get(state, WARN)
         message = "; ".join([self._message(state, free_ns), *warnings])
         return DiagnosticStatus(max(level, WARN) if warnings else level, message, self._values(state))
 
@@ -88,6 +90,8 @@ class GeoreferenceStatus:
         return "PLACED" if self._result.placed else "UNPLACED"
 
     def _message(self, state: str, free_ns: int) -> str:
+        if self.unmade:
+            return f"no frame can be placed: {self.unmade}"
         if state == "STALE":
             return f"no image for {self.timeout.silence_ns(free_ns) / 1e9:.1f} s"
         if self._result is None:

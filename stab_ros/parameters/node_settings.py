@@ -58,6 +58,9 @@ class GeoreferenceSettings(Checked):
     use_camera_info: bool = setting(
         True, "Whether camera_info tells the calibration, for which images then wait, unless there is a camera_file; "
         "false: without a camera_file the camera is not calibrated")
+    use_homographies: bool = setting(
+        False, "Whether to take homographies also for an orientation that does without them, to check that the camera is "
+        "still")
     attitude: str = setting(
         "auto", "Topic of the attitude: gimbal, imu, or auto for gimbal if somebody publishes it at first, else imu",
         choices=("auto", "gimbal", "imu"))
@@ -65,8 +68,8 @@ class GeoreferenceSettings(Checked):
         "auto", "Type of water_level: std_msgs/Float64, geometry_msgs/PointStamped, or auto for that of its publisher",
         choices=("auto", "Float64", "PointStamped"))
     wait_s: float = setting(
-        5.0, "Silence in seconds, while free to take messages, after which frames no longer wait for homographies or "
-        "for samples of a sensor", 0.05, 3600.0)
+        12.0, "Time in seconds, while free to take messages, that frames wait in vain for homographies or samples of "
+        "a sensor, before they are placed without; a start of the tracker that pauses takes 10 s", 0.05, 3600.0)
     stale_s: float = setting(
         2.0, "Time in seconds without an image, while free to take one, before the state is STALE", 0.05, 3600.0)
     backlog_mb: float = setting(

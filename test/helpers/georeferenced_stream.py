@@ -13,7 +13,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CameraInfo, Image
 from truth import picture, translation
 
-from stab_ros.core.types import FloatArray, Frame, State, Track
+from stab_ros.core.types import FloatArray, Frame, LostReason, State, Track
 from stab_ros.georeferencing.georeferencer import Georeferencer
 from stab_ros.georeferencing.placement import Motion
 from stab_ros.imaging.camera import Camera
@@ -74,15 +74,19 @@ class GeoreferencedStream:
         """An image, whatever it is."""
         self._images.publish(message)
 
-    def tell(self, stamp_ns: int, told: Motion | None, track: bool = True, camera: Camera | None = CAMERA) -> None:
+    def start_tracker(self, track: bool = True) -> None:
+        """It can tell of frames from now on. track: it publishes its tracks, too."""
+        self._homographies = self.graph.speak(CameraInfo, "/cam/homography")
+        self._tracks = self.graph.speak(DiagnosticArray, "/cam/tracker_node/track") if track else None
+
+    def tell(self, stamp_ns: int, told: Motion | None) -> None:
         """The homography of a frame, and its track."""
         if self._homographies is None:
-            self._homographies = self.graph.speak(CameraInfo, "/cam/homography")
-            self._tracks = self.graph.speak(DiagnosticArray, "/cam/tracker_node/track") if track else None
-        values = Track(State.LOST, 0, stamp_ns, 0, 0) if told is None else Track(
+            self.start_tracker()
+        values = Track(State.LOST, 0, stamp_ns, 0, 0, lost_reason=LostReason.NO_TEXTURE) if told is None else Track(
             State.TRACKED, 0, stamp_ns, 0, told.reset_counter, ref_H_cur=told.ref_H_cur, covariance=told.covariance)
         header = Header(stamp_ns, "cam")
-        self._homographies.publish(homography_cdr(values, header, SIZE, camera))
+        self._homographies.publish(homography_cdr(values, header, SIZE, CAMERA))
         if self._tracks is not None:
             self._tracks.publish(track_cdr(values, header))
 
