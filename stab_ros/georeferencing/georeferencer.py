@@ -105,6 +105,11 @@ class Georeferencer:
         return len(self._waiting)
 
     @property
+    def wse_m(self) -> float:
+        """Water surface elevation of the settings, m."""
+        return self._config.wse_m
+
+    @property
     def local_frame(self) -> LocalFrame | None:
         """Where the map is on the Earth; None: not known yet."""
         return self._local_frame

@@ -67,6 +67,12 @@ class GeoreferenceConfig(Checked):
     mount_rad: str = setting(
         "0, 0, 0", "Attitude of the camera in the body whose attitude is measured, 'yaw, pitch, roll' in radians, "
         "pitch positive downwards; 0, 0, 0: the sensor turns with the camera, as that of a gimbal")
+    fuse_homographies: bool = setting(
+        True, "Whether dynamic_gps_imu takes homographies too, where there are any: they tell relative motion, the "
+        "sensors where it begins")
+    sensor_slow_share: float = setting(
+        0.5, "Share of the variance of the sensors that changes slowly, over about a minute; the rest is new in each "
+        "sample and averages out where homographies are fused", 0.0, 0.99)
     fix_height_offset_m: float = setting(
         0.0, "Metres to add to the heights of fixes to get those of the map: minus the undulation of the geoid for "
         "levels above the sea, the height of the place of take-off for heights above it", -1000.0, 9000.0)
@@ -103,7 +109,7 @@ class GeoreferenceConfig(Checked):
 
 def needs_motion(config: GeoreferenceConfig) -> bool:
     """Whether the orientation takes homographies of frames."""
-    return config.orientation in _WITH_MOTION
+    return config.orientation in _WITH_MOTION or (config.orientation == "dynamic_gps_imu" and config.fuse_homographies)
 
 
 def needs_sensors(config: GeoreferenceConfig) -> bool:

@@ -15,7 +15,8 @@ from stab_ros.core.kernels import Compiler, compile_kernels
 from stab_ros.core.progress import Progress
 from stab_ros.core.settings import Value
 from stab_ros.core.types import Homography, LostReason, State, Track
-from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
+from stab_ros.georeferencing.georeferencer import Georeferenced
+from stab_ros.georeferencing.local_frame import LOCAL
 from stab_ros.georeferencing.settings import needs_motion, needs_sensors
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.bag import BagWriter, Message
@@ -26,7 +27,7 @@ from stab_ros.io.sensors import Sensors, read_sensors
 from stab_ros.io.source import Clock, Kind, Picture, Source, kind_of, namespace_of, open_source, read_again
 from stab_ros.io.topics import CAMERA_INFO_TOPIC, STABILIZED_TOPIC, topic_in
 from stab_ros.jobs.georeferenced_bag import GeoreferencedBag
-from stab_ros.jobs.geotiffs import GeoTiffs, in_the_map
+from stab_ros.jobs.geotiffs import GeoTiffs, to_crs_of
 from stab_ros.jobs.motions import (
     MotionOf,
     RecordedMotions,
@@ -36,11 +37,11 @@ from stab_ros.jobs.motions import (
     stabilised_motion,
 )
 from stab_ros.jobs.pipeline import OnFrame, PictureTracker
-from stab_ros.jobs.placing import PicturePlacer, PlacedPicture
+from stab_ros.jobs.placing import PicturePlacer, PlacedPicture, Work
 from stab_ros.jobs.sensor_feed import feed
 from stab_ros.jobs.stabilize import expected
 from stab_ros.jobs.stage import Stage
-from stab_ros.parameters.engines import make_georeferencer, make_stabilizer
+from stab_ros.parameters.engines import camera_of, make_georeferencer, make_stabilizer
 from stab_ros.parameters.table import georeference_config
 
 
@@ -75,6 +76,7 @@ class Georeferencing:
     frames: int = 0
     unplaced: Counter[str] = field(default_factory=Counter)
     doubts: Counter[str] = field(default_factory=Counter)
+    stream_doubts: tuple[str, ...] = ()
     undecoded: Counter[str] = field(default_factory=Counter)
     values: dict[str, float] = field(default_factory=dict)  # of the last placed frame
     grid_size: tuple[int, int] | None = None
@@ -116,7 +118,7 @@ def georeference(job: Job, progress: Progress, compiling: Compiler = compile_ker
         work = _prepared(job, source)
         compiling()
         started_s, total = time.monotonic(), expected(source.count, job.limit)
-        with _outputs(job, source, work.camera, orientation) as outputs:
+        with _outputs(job, source, orientation) as outputs:
             result = _run(job, source, work, outputs, lambda done: progress(done, total))
             _check_placed(source, work, result)
         result.duration_s = time.monotonic() - started_s
@@ -150,7 +152,8 @@ def _prepared(job: Job, source: Source) -> _Work:
     if stabilised:
         recorded = check_homographies(job.source, recorded)
         return _Work(recorded.camera, recorded.image_H_ref, recorded, sensors, warnings)
-    return _Work(_camera_of(source, namespace), None, recorded, sensors, warnings)
+    camera = None if job.values.get("camera_file") else _camera_of(source, namespace)
+    return _Work(camera, None, recorded, sensors, warnings)
 
 
 def _sensors_of(job: Job) -> Sensors | None:
@@ -183,18 +186,20 @@ class _Outputs:
     warnings: list[str]
 
     def write(self, placed: PlacedPicture) -> None:
-        self.bag.write(placed.picture, placed.answer, placed.image)
+        engine = placed.work.engine
+        self.bag.write_once(placed.picture, placed.answer, engine.local_frame, engine.gcps)
+        self.bag.write(placed.picture, placed.answer, placed.image, placed.work.camera)
         if self.table is not None:
             self.table.write(placed.number, _row(placed.number, placed.answer))
 
 
 @contextmanager
-def _outputs(job: Job, source: Source, camera: Camera | None, orientation: str) -> Iterator[_Outputs]:
+def _outputs(job: Job, source: Source, orientation: str) -> Iterator[_Outputs]:
     """Opens all writers. On an error they close first, so that the partial output is readable."""
     with ExitStack() as stack:
         writer = stack.enter_context(BagWriter(job.output, overwrite=job.force))
         table_path = stack.enter_context(completed(job.homographies)) if job.homographies else None
-        bag = GeoreferencedBag(writer, source, camera, orientation, job.with_image)
+        bag = GeoreferencedBag(writer, source, orientation, job.with_image)
         table = stack.enter_context(HomographyWriter(table_path)) if table_path else None
         replaced = [f"{source.name}: its own {', '.join(bag.replaced)} gave way to the new ones of the same name"]
         yield _Outputs(bag, table, replaced if bag.replaced else [])
@@ -211,7 +216,7 @@ def _row(number: int, answer: Georeferenced) -> Track:
 def _run(job: Job, source: Source, work: _Work, outputs: _Outputs, progress: OnFrame) -> Georeferencing:
     """Reads on this thread, places and writes on two others, each up to two frames behind, all in order."""
     result = Georeferencing()
-    placer = PicturePlacer(_motion_of(job, work), partial(_begun, job, work), job.with_image)
+    placer = PicturePlacer(partial(_begun, job, work), job.with_image)
 
     def write(item: PlacedPicture | Message) -> None:
         if isinstance(item, Message):
@@ -230,33 +235,37 @@ def _run(job: Job, source: Source, work: _Work, outputs: _Outputs, progress: OnF
         for item in source.items(job.limit):
             placing.put(item)
     result.geotiffs, result.undecoded = placer.finish(), placer.undecoded
+    result.stream_doubts = () if placer.work is None else placer.work.engine.doubts
     return result
 
 
-def _motion_of(job: Job, work: _Work) -> MotionOf:
+def _motion_of(job: Job, work: _Work, camera: Camera | None) -> MotionOf:
     """Where homographies of frames are from: the recording, or the stabiliser where any are needed."""
     if work.recorded is not None:
         return work.recorded.of
     if not needs_motion(georeference_config(job.values)):
         return no_motion
-    stabilizer = make_stabilizer(job.tracker_values, work.camera)
+    stabilizer = make_stabilizer(job.tracker_values, camera)
     return stabilised_motion(PictureTracker(stabilizer, False, partial(
         read_again, job.source, job.image_topic, job.fps, job.clock, job.limit)))
 
 
-def _begun(job: Job, work: _Work, size: tuple[int, int]) -> tuple[Georeferencer, GeoTiffs | None]:
+def _begun(job: Job, work: _Work, size: tuple[int, int]) -> Work:
     reference_size = size if work.recorded is None or work.image_H_ref is None else work.recorded.reference_size
     engine = make_georeferencer(job.values, work.camera, reference_size or size, work.image_H_ref)
     if work.sensors is not None:
         feed(engine, work.sensors)
-    if job.geotiff is None:
-        return engine, None
-    return engine, GeoTiffs(job.geotiff, job.interval_s, in_the_map, engine.orthophoto)
+    file, _ = camera_of(job.values, reference_size or size)
+    camera = work.camera if file is None else file.camera
+    geotiffs = None if job.geotiff is None else GeoTiffs(
+        job.geotiff, job.interval_s, to_crs_of(engine, str(job.values.get("crs", LOCAL))), engine.orthophoto)
+    return Work(engine, camera, _motion_of(job, work, camera), geotiffs)
 
 
 def _said(source: Source, result: Georeferencing) -> list[str]:
     """What is doubtful, and of how many frames."""
-    said = [f"{source.name}: {doubt} ({count} of {result.frames} frames)" for doubt, count in result.doubts.items()]
+    said = list(result.stream_doubts)
+    said += [f"{source.name}: {doubt} ({count} of {result.frames} frames)" for doubt, count in result.doubts.items()]
     if result.undecoded:
         total = result.undecoded.total()
         said.append(f"{source.name}: {total} images of {source.image_topic} cannot be decoded and have no answer; "

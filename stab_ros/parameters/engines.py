@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from stab_ros.core.errors import InputError
+from stab_ros.core.geometry import apply
 from stab_ros.core.settings import Value
 from stab_ros.core.types import Homography
 from stab_ros.evaluation.evaluator import Evaluator
+from stab_ros.georeferencing.gcp_places import PlacedPoints, placed
 from stab_ros.georeferencing.georeferencer import Georeferencer
-from stab_ros.georeferencing.local_frame import LocalFrame
+from stab_ros.georeferencing.local_frame import LOCAL, LocalFrame
 from stab_ros.georeferencing.orientations import make_orientation
 from stab_ros.georeferencing.sensors import Sensors
-from stab_ros.georeferencing.settings import numbers_of
+from stab_ros.georeferencing.settings import GeoreferenceConfig, numbers_of
 from stab_ros.imaging.camera import Camera
+from stab_ros.io.camera_file import CameraFile
+from stab_ros.io.camera_profiles import camera_for
+from stab_ros.io.gcp_file import read_gcps
 from stab_ros.io.points import read_points, read_tracking_points
 from stab_ros.io.regions import read_area
 from stab_ros.io.static_maps import read_static_map
@@ -72,7 +79,7 @@ def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size:
 
     Args:
         values: parameters of georeferencing by name; the others keep their defaults.
-        camera: that takes the images; None: of unknown calibration.
+        camera: that takes the images, unless `camera_file` names another; None: of unknown calibration.
         size: width and height of the images as taken, px.
         image_H_ref: (3, 3), for images that are stabilised already: from pixels of the reference to those of the image;
             None: images are as taken.
@@ -83,13 +90,57 @@ def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size:
     Raises:
         InputError: a name is unknown, a value or a file is wrong, or the orientation needs what is not given.
     """
+    file, remarks = camera_of(values, size)
+    if file is not None and file.wse_m is not None:
+        values = {"wse_m": file.wse_m, **values}
     config = georeference_config(values)
+    camera = camera if file is None else file.camera
     known = camera or uncalibrated(size)
     if image_H_ref is not None:
         known = Camera(known.K, np.zeros(0), "plumb_bob", known.size)
-    sensors, local_frame = Sensors(config.time_offset_s), origin_of(values)
-    orientation = make_orientation(config, known, camera is not None, None, sensors)
-    return Georeferencer(config, known, orientation, sensors, image_H_ref, local_frame=local_frame)
+    gcps = _gcps_of(values, config, file, image_H_ref)
+    sensors, frame = Sensors(config.time_offset_s), _frame_of(values, file, gcps)
+    points = None if gcps is None else gcps.points
+    pose = None if file is None or file.pose is None else (file.pose, file.pose_covariance)
+    orientation = make_orientation(config, known, camera is not None, points, sensors, pose)
+    doubts = (*remarks, *(() if gcps is None else gcps.doubts))
+    return Georeferencer(config, known, orientation, sensors, image_H_ref, points, frame, doubts)
+
+
+def camera_of(values: Mapping[str, Value], size: tuple[int, int]) -> tuple[CameraFile | None, tuple[str, ...]]:
+    """The camera that `camera_file` names, scaled to images of this size, and what is doubtful of it; None: none.
+
+    Raises:
+        InputError: it cannot be read, or takes images of another shape.
+    """
+    name = str(values.get("camera_file", ""))
+    if not name:
+        return None, ()
+    file, doubts = camera_for(name, size)
+    return file, tuple(doubts)
+
+
+def _gcps_of(values: Mapping[str, Value], config: GeoreferenceConfig, file: CameraFile | None,
+             image_H_ref: Homography | None) -> PlacedPoints | None:
+    """The control points of `gcps_file` in the map, their pixels those of the reference if images are stabilised."""
+    path = str(values.get("gcps_file", ""))
+    if not path:
+        return None
+    table, crs = read_gcps(Path(path)), str(values.get("crs", LOCAL))
+    pixels = table.image_px if image_H_ref is None else apply(np.linalg.inv(image_H_ref), table.image_px)
+    frame = origin_of(values) or (None if file is None else file.frame)
+    try:
+        found = placed(table.names, pixels, table.places, table.crs if crs == LOCAL else crs,
+                       geographic=table.geographic, frame=frame, level_m=config.wse_m)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    return replace(found, doubts=tuple(f"{path}: {doubt}" for doubt in (*table.remarks, *found.doubts)))
+
+
+def _frame_of(values: Mapping[str, Value], file: CameraFile | None, gcps: PlacedPoints | None) -> LocalFrame | None:
+    """Where the map is on the Earth, as far as parameters and files tell."""
+    known = (origin_of(values), None if gcps is None else gcps.frame, None if file is None else file.frame)
+    return next((frame for frame in known if frame is not None), None)
 
 
 def origin_of(values: Mapping[str, Value]) -> LocalFrame | None:
