@@ -43,7 +43,7 @@ from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.stamp_monitor import StampMonitor
 from stab_ros.nodes.stamp_pairing import Pair, StampPairing
 from stab_ros.nodes.throttled_warnings import ThrottledWarnings
-from stab_ros.parameters.engines import camera_file_of, check_georeference, make_georeferencer
+from stab_ros.parameters.engines import camera_of, check_georeference, make_georeferencer
 from stab_ros.parameters.node_settings import GeoreferenceSettings
 from stab_ros.parameters.table import GEOREFERENCE_PARAMETERS, georeference_config
 
@@ -79,11 +79,10 @@ class GeoreferenceNode(StabNode):
         self.settings = GeoreferenceSettings(**chosen)
         check_georeference(values)
         self.values, self._config = values, georeference_config(values)
-        file = camera_file_of(values)
-        self._camera_of_file = None if file is None else file.camera
         self._stabilized = self.settings.input == STABILIZED_TOPIC
         self.engine: Georeferencer | None = None
-        self._unmade = ""  # why there is none
+        self._camera_of_file: Camera | None = None  # for images of their size
+        self._unmade = ""  # why there is no engine
         self._origin: LocalFrame | None = None  # of the map; it stays
         self._rejected: tuple[str, ...] | None = None  # control points, as the last message of them shows
         self._camera_info = CameraInfoSubscription(self, self._use_camera) if self._takes_camera_info else None
@@ -134,7 +133,7 @@ class GeoreferenceNode(StabNode):
     # what is taken ---------------------------------------------------------------------------------------------------
     @property
     def _takes_camera_info(self) -> bool:
-        return self.settings.use_camera_info and self._camera_of_file is None and not self._stabilized
+        return self.settings.use_camera_info and not self.values["camera_file"] and not self._stabilized
 
     @property
     def _takes_motion(self) -> bool:
@@ -270,7 +269,7 @@ class GeoreferenceNode(StabNode):
             engine.add_fix(fix.stamp_ns, np.array([fix.latitude_deg, fix.longitude_deg, fix.height_m]),
                            fix.covariance_m2)
         except InputError as error:
-            self.on_unusable(FIX_TOPIC, str(error))
+            self.on_unusable(self.resolve_topic_name(FIX_TOPIC), str(error))
 
     # silence ---------------------------------------------------------------------------------------------------------
     def _await(self, topic: str) -> None:
@@ -294,9 +293,14 @@ class GeoreferenceNode(StabNode):
 
     def _silent(self) -> tuple[str, ...]:
         """The topics that frames wait for in vain."""
-        in_engine = self.engine is not None and self.engine.waiting > 0
         return tuple(topic for topic, patience in self._patience.items()
-                     if patience.check(self.free.ns, in_engine if topic in _SENSORS else len(self._frames) > 0))
+                     if patience.check(self.free.ns, self._is_awaited(topic)))
+
+    def _is_awaited(self, topic: str) -> bool:
+        """Whether a frame waits for a message of this topic."""
+        if topic not in _SENSORS:
+            return len(self._frames) > 0
+        return bool(self._pending) and self.status.newest_ns(topic) < self._pending[0].frame.stamp_ns
 
     # placing ---------------------------------------------------------------------------------------------------------
     def _place(self, pairs: list[_Paired]) -> None:
@@ -348,6 +352,8 @@ class GeoreferenceNode(StabNode):
         if self._origin is not None:
             place = (self._origin.latitude_deg, self._origin.longitude_deg, self._origin.height_m)
             values = {**values, "origin": ", ".join(map(repr, place))}
+        file, _ = camera_of(values, size) if not self._stabilized else (None, ())
+        self._camera_of_file = None if file is None else file.camera
         reference_size = None if self._motions is None else self._motions.reference_size
         if not self._stabilized:
             return make_georeferencer(values, self.camera, size)

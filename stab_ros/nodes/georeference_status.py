@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -53,6 +54,10 @@ class GeoreferenceStatus:
     def on_sample(self, topic: str, stamp_ns: int) -> None:
         """A message of a sensor that is used. stamp_ns: on the clock of the frames."""
         self._newest[topic] = max(stamp_ns, self._newest.get(topic, stamp_ns))
+
+    def newest_ns(self, topic: str) -> float:
+        """The newest stamp of a sensor, on the clock of the frames."""
+        return self._newest.get(topic, -math.inf)
 
     def on_result(self, result: Result) -> None:
         """The answer to a frame."""

@@ -20,8 +20,8 @@ from stab_ros.georeferencing.orientations import make_orientation
 from stab_ros.georeferencing.sensors import Sensors
 from stab_ros.georeferencing.settings import GeoreferenceConfig, numbers_of
 from stab_ros.imaging.camera import Camera
-from stab_ros.io.camera_file import CameraFile
-from stab_ros.io.camera_profiles import camera_for
+from stab_ros.io.camera_file import CameraFile, read_camera_file
+from stab_ros.io.camera_profiles import camera_for, profiles
 from stab_ros.io.gcp_file import read_gcps
 from stab_ros.io.points import read_points, read_tracking_points
 from stab_ros.io.regions import read_area
@@ -158,3 +158,24 @@ def uncalibrated(size: tuple[int, int]) -> Camera:
     width, height = size
     K = np.array([[max(size), 0, (width - 1) / 2], [0, max(size), (height - 1) / 2], [0, 0, 1]], float)
     return Camera(K, np.zeros(0), "plumb_bob", size)
+
+
+def check_georeference(values: Mapping[str, Value]) -> None:
+    """Refuses what no camera would make right, before the camera is known.
+
+    Args:
+        values: parameters of georeferencing by name.
+
+    Raises:
+        InputError: as `make_georeferencer`; but whether control points fit the camera is not known yet.
+    """
+    georeference_config(values)
+    origin_of(values)
+    camera_file, gcps_file = str(values.get("camera_file", "")), str(values.get("gcps_file", ""))
+    if camera_file and camera_file not in profiles():
+        read_camera_file(Path(camera_file))
+    if gcps_file:
+        read_gcps(Path(gcps_file))
+    elif not camera_file:
+        camera = uncalibrated((640, 480))
+        make_georeferencer(values, camera, camera.size)

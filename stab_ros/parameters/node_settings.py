@@ -59,8 +59,8 @@ class GeoreferenceSettings(Checked):
         True, "Whether camera_info tells the calibration, for which images then wait, unless there is a camera_file; "
         "false: without a camera_file the camera is not calibrated")
     use_homographies: bool = setting(
-        False, "Whether to take homographies also for an orientation that does without them, to check that the camera is "
-        "still")
+        False, "Whether to take homographies also for an orientation that does without them, to check that the camera "
+        "is still")
     attitude: str = setting(
         "auto", "Topic of the attitude: gimbal, imu, or auto for gimbal if somebody publishes it at first, else imu",
         choices=("auto", "gimbal", "imu"))
