@@ -25,6 +25,7 @@ from stab_ros.io.date_time import GPS_EPOCH_NS, SECOND_NS, WEEK_NS, find_date, g
 from stab_ros.io.fix_message import FIX, GBAS_FIX, SBAS_FIX
 from stab_ros.io.telemetry_record import Record, Recorded
 
+_DECIMALS_M = 1e-4
 _JST_NS = 9 * 3600 * SECOND_NS
 _QUALITIES = {1: ("fixed", GBAS_FIX), 2: ("float", GBAS_FIX), 3: ("SBAS", SBAS_FIX), 4: ("DGPS", GBAS_FIX),
               5: ("single", FIX), 6: ("PPP", SBAS_FIX)}
@@ -200,4 +201,12 @@ def _covariance(values: Sequence[str], layout: _Layout, axes: Sequence[Sequence[
         deviations.append(float(values[at]) if at < len(values) else 0.0)
     xx, yy, zz, xy, yz, zx = (math.copysign(deviation**2, deviation) for deviation in deviations)
     C = np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]])
-    return C if C.any() and np.isfinite(C).all() else None
+    return _positive(C) if C.any() and np.isfinite(C).all() else None
+
+
+def _positive(C: FloatArray) -> FloatArray:
+    """The covariance itself; where it is none, as the file has but four decimals, the nearest one that they allow."""
+    variances, axes = np.linalg.eigh(C)
+    if variances[0] >= 0:
+        return C
+    return np.asarray(axes * np.maximum(variances, _DECIMALS_M**2) @ axes.T)

@@ -145,17 +145,18 @@ def _heights(records: Sequence[Record], home_height_m: float | None, warnings: l
     above = [record.above_takeoff_m for record in records]
     told = [record.height_m for record in records]
     relative = any(map(math.isfinite, above))
+    heights = told
     if home_height_m is not None and relative:
-        return [home_height_m + height_m for height_m in above]
-    if home_height_m is not None:
+        heights = [home_height_m + height_m for height_m in above]
+    elif home_height_m is not None:
         warnings.append("it tells no heights above the place of take-off, --home-height is not used")
-    if relative and not any(map(math.isfinite, told)):
+    elif relative and not any(map(math.isfinite, told)):
         warnings.append("its heights count from the place of take-off, --home-height puts them above the ellipsoid")
-        return above
-    missing = sum(map(math.isnan, told))
+        heights = above
+    missing = sum(map(math.isnan, heights))
     if missing:
-        warnings.append(f"{missing} of {len(told)} positions have no height")
-    return told
+        warnings.append(f"{missing} of {len(heights)} positions have no height")
+    return heights
 
 
 def _fix_streams(namespace: str, fixes: Sequence[Fix], notes: list[str]) -> list[_Stream]:

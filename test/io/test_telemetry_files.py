@@ -30,9 +30,9 @@ def read(path: Path, text: str | bytes, zone: tzinfo = UTC) -> Recorded:
     return read_telemetry(path, zone, lambda done, total: None)
 
 
-def close(found: np.ndarray | None, wanted: ArrayLike) -> None:
+def close(found: np.ndarray | None, wanted: ArrayLike, rtol: float = 1e-12) -> None:
     assert found is not None
-    np.testing.assert_allclose(found, np.array(wanted, float), rtol=1e-12)
+    np.testing.assert_allclose(found, np.array(wanted, float), rtol)
 
 
 def srt(*bodies: str, step_ms: int = 40) -> str:
@@ -136,6 +136,15 @@ def test_a_solution_of_rtklib(tmp_path: Path) -> None:
     close(record.covariance_m2, [
         [0.1341**2, -(0.05**2), 0.02**2], [-(0.05**2), 0.088**2, 0.01**2], [0.02**2, 0.01**2, 0.3388**2]])
     assert recorded.notes == ["its times are GPS time, 18 leap seconds ahead of UTC", "solutions: 1 float"]
+
+
+def test_a_covariance_that_rounding_made_none_is_mended(tmp_path: Path) -> None:
+    """Two axes that move as one: 0.0045 twice, and 0.0046 for their covariance."""
+    row = ROW.replace("0.0880   0.1341   0.3388", "0.0045 0.0045 0.0100 0.0046 0.0000 0.0000")
+    (record,) = read(tmp_path / "a.pos", DEGREES + row + "\n").records
+    assert record.covariance_m2 is not None
+    assert np.linalg.eigvalsh(record.covariance_m2)[0] == pytest.approx(1e-8)
+    close(np.diag(record.covariance_m2), [0.0045**2, 0.0045**2, 0.01**2], 0.03)
 
 
 @pytest.mark.parametrize(("system", "hour"), [("GPST", -18 / 3600), ("UTC ", 0), ("JST ", -9)])
@@ -257,7 +266,16 @@ def test_a_table_with_decimal_commas_radians_sigmas_and_quaternion(tmp_path: Pat
     close(record.body, [0, 0, 0.6, 0.8])
 
 
+@pytest.mark.parametrize("name", ["gimbalPitch", "Gimbal Pitch", "gimbal_pitch", "GIMBAL-PITCH", "gb_pitch_deg"])
+def test_names_of_columns_as_programs_write_them(tmp_path: Path, name: str) -> None:
+    (record,) = read(tmp_path / "a.csv", f"time,{name},gimbalYaw(degrees)\n1,-90,0\n").records
+    assert record.gimbal is not None
+    np.testing.assert_allclose(Rotation.from_quat(record.gimbal).apply([1, 0, 0]), [0, 0, -1], atol=1e-12)
+
+
 @pytest.mark.parametrize(("text", "says"), [
+    ("time,lat,lon,height(furlong)\n1,2,3,4\n", "its column 'height(furlong)' has an unknown unit, it must be one"),
+    ("time (h),lat,lon\n1,2,3\n", "its column 'time (h)' has an unknown unit, it must be one of s,"),
     ("", "has no column of time"), ("lat,lon\n1,2\n", "has no column of time, its first line is 'lat, lon'"),
     ("time,x,y\n1,2,3\n", "has no column of latitude and longitude"),
     ("time,lat,lon\n", "holds no position and no attitude, it must be a table"),
