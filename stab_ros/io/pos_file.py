@@ -13,9 +13,9 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import tzinfo
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pyproj import Transformer
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.progress import Progress
@@ -24,6 +24,9 @@ from stab_ros.core.types import FloatArray
 from stab_ros.io.date_time import GPS_EPOCH_NS, SECOND_NS, WEEK_NS, find_date, gps_minus_utc_s, utc_of_gps
 from stab_ros.io.fix_message import FIX, GBAS_FIX, SBAS_FIX
 from stab_ros.io.telemetry_record import Record, Recorded
+
+if TYPE_CHECKING:
+    from pyproj import Transformer
 
 _DECIMALS_M = 1e-4
 _JST_NS = 9 * 3600 * SECOND_NS
@@ -172,6 +175,8 @@ def _ecef(values: Sequence[str], layout: _Layout) -> tuple[float, float, float, 
 
 @functools.cache
 def _to_geodetic() -> Transformer:
+    from pyproj import Transformer
+
     return Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True)
 
 

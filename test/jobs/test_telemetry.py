@@ -166,6 +166,12 @@ def test_bad_input_is_refused_and_nothing_is_left(tmp_path: Path, name: str, tex
     assert sorted(path.name for path in tmp_path.iterdir()) == [name]
 
 
+def test_telemetry_as_the_input_of_another_command(tmp_path: Path) -> None:
+    (tmp_path / "a.SRT").write_text(subtitles(3), encoding="utf-8")
+    with pytest.raises(InputError, match=r"the input must be .*; `stab-ros telemetry` makes a bag of it"):
+        describe(tmp_path / "a.SRT")
+
+
 def run(*arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-m", "stab_ros", "telemetry", *map(str, arguments)], capture_output=True,
                           text=True, check=False, timeout=120)
