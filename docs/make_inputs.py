@@ -138,6 +138,7 @@ geometry_msgs/QuaternionStamped on `gimbal`, the drone as sensor_msgs/Imu on `im
 |---|---|---|---|
 {telemetry}
 
+Subtitles inside a video: `ffmpeg -i FLIGHT.MP4 -map 0:s:0 FLIGHT.srt`.
 Text may be UTF-8, UTF-16 or of an old code page. Numbers may have decimal commas where those do not part columns.
 
 **Clock.** Stamps are those of the video's frames, 1 s + the time since the first one, where the file belongs to a \

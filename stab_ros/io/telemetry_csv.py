@@ -1,13 +1,13 @@
 """Telemetry in a table (.csv): one row a moment, the first line names the columns and their units.
 
-A name is as `latitude`, `height_m`, `time (ms)` or `gimbal_pitch(degrees)`, as in the tables of Airdata; QUANTITIES has
-all that are known, others are ignored. Between cells are commas, semicolons or tabs; numbers may have decimal commas.
+A name is as `latitude`, `height_m`, `time (ms)` or `gimbal_pitch(degrees)`, as in the tables of Airdata, or as DatCon
+has it; QUANTITIES has all that are known, others are ignored. Between cells are commas, semicolons or tabs; numbers may
+have decimal commas.
 """
 
 from __future__ import annotations
 
 import csv
-import io
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -48,22 +48,23 @@ class Quantity:
 
 QUANTITIES: Mapping[str, Quantity] = MappingProxyType({
     "time": Quantity(("time", "timestamp", "t", "datetime", "utc", "time_utc", "datetime_utc", "unix_time", "unix",
-                      "stamp"), TIMES),
+                      "stamp", "GPS:dateTimeStamp", "Clock:offsetTime", "offset_time"), TIMES),
     "date": Quantity(("date",)),
-    "latitude": Quantity(("latitude", "lat"), ANGLES),
-    "longitude": Quantity(("longitude", "longtitude", "lon", "lng", "long"), ANGLES),
+    "latitude": Quantity(("latitude", "lat", "GPS(0):Lat", "GPS:Lat"), ANGLES),
+    "longitude": Quantity(("longitude", "longtitude", "lon", "lng", "long", "GPS(0):Long", "GPS:Long"), ANGLES),
     "height": Quantity(("height", "altitude", "alt", "abs_alt", "elevation", "ellipsoidal_height",
-                        "altitude_above_sea_level"), LENGTHS),
-    "above_takeoff": Quantity(("rel_alt", "relative_altitude", "height_above_takeoff", "above_takeoff"), LENGTHS),
+                        "altitude_above_sea_level", "GPS(0):heightMSL", "GPS:heightMSL"), LENGTHS),
+    "above_takeoff": Quantity(("rel_alt", "relative_altitude", "height_above_takeoff", "above_takeoff",
+                               "General:relativeHeight"), LENGTHS),
     "sigma_east": Quantity(("sigma_east", "sde", "sd_east", "std_east"), LENGTHS),
     "sigma_north": Quantity(("sigma_north", "sdn", "sd_north", "std_north"), LENGTHS),
     "sigma_up": Quantity(("sigma_up", "sdu", "sd_up", "std_up"), LENGTHS),
     "gimbal_yaw": Quantity(("gimbal_yaw", "gb_yaw", "gimbal_heading"), ANGLES),
     "gimbal_pitch": Quantity(("gimbal_pitch", "gb_pitch"), ANGLES),
     "gimbal_roll": Quantity(("gimbal_roll", "gb_roll"), ANGLES),
-    "yaw": Quantity(("yaw", "heading", "compass_heading", "drone_yaw"), ANGLES),
-    "pitch": Quantity(("pitch", "drone_pitch"), ANGLES),
-    "roll": Quantity(("roll", "drone_roll"), ANGLES),
+    "yaw": Quantity(("yaw", "heading", "compass_heading", "drone_yaw", "IMU_ATTI(0):yaw"), ANGLES),
+    "pitch": Quantity(("pitch", "drone_pitch", "IMU_ATTI(0):pitch"), ANGLES),
+    "roll": Quantity(("roll", "drone_roll", "IMU_ATTI(0):roll"), ANGLES),
     "qx": Quantity(("qx",)), "qy": Quantity(("qy",)), "qz": Quantity(("qz",)), "qw": Quantity(("qw",)),
 })
 _UNIT = re.compile(r"^(.*?)\s*[(\[]\s*([^()\[\]]*?)\s*[)\]]\s*$")
@@ -85,12 +86,12 @@ def read_csv(text: str, zone: tzinfo, progress: Progress) -> Recorded:
     Raises:
         InputError: the first line names neither positions nor attitudes, or no time.
     """
-    lines = text.splitlines()
+    lines = text.splitlines(keepends=True)
     while lines and (not lines[0].strip() or lines[0].lower().startswith(("sep=", "#"))):
         del lines[0]
     header = lines[0] if lines else ""
     mark = max(",;\t", key=header.count)
-    rows = csv.reader(io.StringIO("\n".join(lines)), delimiter=mark, skipinitialspace=True)
+    rows = csv.reader(lines, delimiter=mark, skipinitialspace=True)
     table = _Table(_columns(next(rows, [])), zone)
     recorded, broken = Recorded(), []
     try:

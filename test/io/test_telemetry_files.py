@@ -256,6 +256,21 @@ def test_columns_with_units_as_airdata_writes_them(tmp_path: Path) -> None:
     np.testing.assert_allclose(Rotation.from_quat(record.gimbal).apply([0, 0, 1]), [0, -1, 0], atol=1e-12)
 
 
+def test_a_table_of_datcon(tmp_path: Path) -> None:
+    """The log of the drone itself, which has no position at first."""
+    header = ("Clock:Tick#,Clock:offsetTime,IMU_ATTI(0):roll[degrees],IMU_ATTI(0):pitch[degrees],"
+              "IMU_ATTI(0):yaw[degrees],GPS(0):Long[degrees],GPS(0):Lat[degrees],GPS(0):heightMSL[meters],"
+              "General:relativeHeight[meters],GPS:dateTimeStamp")
+    before, after = read(tmp_path / "a.csv", f"{header}\n1,-0.5,0,0,90,,,,,\n"
+                         "2,33.25,0,0,90,-1.6700001,55.0100001,93.4,46.2,2022-08-07T12:00:00Z\n").records
+    assert (before.since_start_ns, before.utc_ns, before.placed) == (-S // 2, None, False)
+    assert (after.since_start_ns, after.utc_ns) == (33 * S + S // 4, NOON_NS)
+    assert (after.latitude_deg, after.longitude_deg, after.height_m) == (55.0100001, -1.6700001, 93.4)
+    assert after.above_takeoff_m == 46.2
+    assert after.body is not None
+    np.testing.assert_allclose(Rotation.from_quat(after.body).apply([1, 0, 0]), [1, 0, 0], atol=1e-12)
+
+
 def test_a_table_with_decimal_commas_radians_sigmas_and_quaternion(tmp_path: Path) -> None:
     text = ("Time [s];Latitude [rad];Longitude [rad];Height [m];sde;sdn;sdu_mm;qx;qy;qz;qw\n"
             "0,5;0,9;-0,03;46,25;0,01;0,02;30;0;0;0,6;0,8\n")
