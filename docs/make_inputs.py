@@ -138,6 +138,8 @@ geometry_msgs/QuaternionStamped on `gimbal`, the drone as sensor_msgs/Imu on `im
 |---|---|---|---|
 {telemetry}
 
+Of several files, `telemetry PPK.pos FLIGHT.srt OUTPUT.mcap`, positions are taken from the first that tells them, and \
+attitudes likewise.
 Subtitles inside a video: `ffmpeg -i FLIGHT.MP4 -map 0:s:0 FLIGHT.srt`.
 Text may be UTF-8, UTF-16 or of an old code page. Numbers may have decimal commas where those do not part columns.
 
