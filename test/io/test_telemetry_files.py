@@ -62,6 +62,8 @@ GIMBAL = "[gb_yaw: -142.5 gb_pitch: -88.7 gb_roll: 0.5] "
     ("2022.06.21 16:06:17\nGPS(36.6146,-6.1120,0.0M) BAROMETER:8.4M", (36.6146, -6.112), math.nan, 8.4),
     ("F/3.2, SS 160, ISO 100, EV 0, GPS (8.2090, 47.4692, 18), D 49.21m, H 45.60m, H.S 0.00m/s, V.S 0.00m/s ",
      (47.4692, 8.209), math.nan, 45.6),
+    ("HOME(W: 121.7, N: 48.1)\nGPS(W: 121.7458, N: 48.0771, 201.5m)\nISO:100", (48.0771, -121.7458), 201.5, math.nan),
+    ("GPS(E:149.0251,S:20.2533,8m)", (-20.2533, 149.0251), 8.0, math.nan),
     ("F/2.8, GPS (-121,7458, 48,0771, 17), D 221,21m, H 200,70m, H.S n/a", (48.0771, -121.7458), math.nan, 200.7)])
 def test_positions_of_dji(tmp_path: Path, body: str, place: tuple[float, float], height_m: float,
                           above_m: float) -> None:
