@@ -6,6 +6,11 @@ from __future__ import annotations
 RAW_TOPIC = "image_raw"
 RAW_COMPRESSED_TOPIC = "image_raw/compressed"
 CAMERA_INFO_TOPIC = "camera_info"
+# what sensors publish
+FIX_TOPIC = "fix"
+IMU_TOPIC = "imu"
+GIMBAL_TOPIC = "gimbal"
+WATER_LEVEL_TOPIC = "water_level"
 # what the tracker publishes
 HOMOGRAPHY_TOPIC = "homography"
 STABILIZED_TOPIC = "image_stabilized"
