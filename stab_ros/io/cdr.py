@@ -1,7 +1,8 @@
 """What all ROS messages have in common here: the typestore, CDR bytes, type names, headers and stamps.
 
 Live (raw topics) and offline (bags) use the same bytes. One module per message: `image_message`, `camera_message`,
-`homography_message`, `track_message`, `metrics_message`, `diagnostics_message`.
+`homography_message`, `track_message`, `metrics_message`, `diagnostics_message`, `fix_message`, `attitude_message`,
+`water_level_message`, `pose_message`, `marker_message`.
 """
 
 from __future__ import annotations
@@ -27,6 +28,12 @@ COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 DIAGNOSTIC_ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
 FLOAT64 = "std_msgs/msg/Float64"
+NAV_SAT_FIX = "sensor_msgs/msg/NavSatFix"
+IMU = "sensor_msgs/msg/Imu"
+QUATERNION_STAMPED = "geometry_msgs/msg/QuaternionStamped"
+POINT_STAMPED = "geometry_msgs/msg/PointStamped"
+POSE_WITH_COVARIANCE_STAMPED = "geometry_msgs/msg/PoseWithCovarianceStamped"
+MARKER_ARRAY = "visualization_msgs/msg/MarkerArray"
 
 SECOND_NS = 1_000_000_000
 _ENCAPSULATION_BYTES, _STAMP_END = 4, 12
