@@ -18,9 +18,9 @@ from stab_ros.georeferencing.adjustment import Solution, solved
 from stab_ros.georeferencing.camera_problem import CameraProblem
 from stab_ros.georeferencing.control_points import ControlPoints
 from stab_ros.georeferencing.levels import on_own_level
+from stab_ros.georeferencing.point_noise import LEAST_NOISE_PX
 from stab_ros.imaging.view import View
 
-LEAST_NOISE_PX = 0.3  # for judgements, where the residuals are smaller by chance
 _REFUSED, _DOUBTED = 0.1, 0.03  # standard deviations: share of a length, or rad
 _PROFILE = 0.25  # change of the focal length that the residuals must notice
 _NOTICED = 9.0  # increase of the squared residuals, in variances: 3 sigma
