@@ -55,12 +55,12 @@ def position_doubt(points: ControlPoints, free_m: FloatArray, sigma_m: float, gi
         given_m: (3,), as given.
     """
     away = float(np.linalg.norm(free_m - given_m))
-    centre = points.map_m.mean(axis=0)
-    here, there = (float(np.linalg.norm(place - centre)) for place in (free_m, given_m))
+    here = float(np.linalg.norm(free_m - points.map_m.mean(axis=0)))
     if away < max(4 * sigma_m, 0.005 * here):
         return None
-    feet = length_doubt("the distance of the camera", here, max(there, 1e-6))
-    if feet and "feet" in feet:
-        return feet
     place = ", ".join(f"{value:.2f}" for value in free_m)
-    return f"the points put the camera {away:.3g} m away from the position that was given, at ({place})"
+    said = f"the points put the camera {away:.3g} m away from the position that was given, at ({place})"
+    for scale, which in ((1 / FOOT_M, "control points seem"), (FOOT_M, "position that was given seems")):
+        if np.linalg.norm(free_m - given_m * scale) < max(4 * sigma_m, _DIFFERS * away):
+            return f"{said}: the {which} to be in feet, all must be in metres (scale off by 3.28)"
+    return said

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -91,10 +91,11 @@ def fit_from_files(job: CameraJob) -> FittedCamera:
     where = placed(table.names, table.image_px, table.places, job.crs or table.crs, geographic=table.geographic,
                    level_m=job.wse_m)
     check_inside(where.points, size)
-    fit_to, position = _fitter(job, size, known, _position(job, table, where)), _position(job, table, where)
-    fit = _fitted(job, where.points, size, fit_to)
+    position = _position(job, table, where)
+    doubts = _position_doubts(job, where.points, position, _fitter(job, size, known, None))
+    fit = _fitted(job, where.points, size, _fitter(job, size, known, position), doubts)
     _check_water(job, fit)
-    doubts = [*_length_doubts(job, fit), *_position_doubts(job, fit, position, _fitter(job, size, known, None))]
+    doubts += _length_doubts(job, fit)
     warnings = [*table.remarks, *where.doubts, *said, *fit.warnings, *doubts]
     return FittedCamera(fit, _file(job, fit, where, known), leave_one_out(fit), tuple(warnings))
 
@@ -144,17 +145,18 @@ def _fitter(job: CameraJob, size: tuple[int, int], known: CameraFile | None, pos
     return fit
 
 
-def _fitted(job: CameraJob, points: ControlPoints, size: tuple[int, int], fit_to: Fitter) -> CameraFit | PlaneFit:
+def _fitted(job: CameraJob, points: ControlPoints, size: tuple[int, int], fit_to: Fitter, doubts: Sequence[str]
+            ) -> CameraFit | PlaneFit:
     """The fit, and what explains that it is bad."""
     try:
         fit = fit_to(points)
     except InputError as error:
-        reading = another_reading(points, size, None, fit_to)
-        raise InputError(f"{job.gcps}: {error}{f'; {reading}' if reading else ''}") from error
+        why = [*doubts, another_reading(points, size, None, fit_to)]
+        raise InputError("; ".join([f"{job.gcps}: {error}", *(text for text in why if text)])) from error
     reading = another_reading(points, size, fit, fit_to)
     if reading:
-        raise InputError(f"{job.gcps}: {reading}, and as they are within {fit.rmse_px:.2g} px"
-                         f"{f' without {chr(44).join(fit.wrong)}' if fit.wrong else ''}")
+        without = f" without {', '.join(fit.wrong)}" if fit.wrong else ""
+        raise InputError(f"{job.gcps}: {reading}, and as they are within {fit.rmse_px:.2g} px{without}")
     return fit
 
 
@@ -168,8 +170,9 @@ def _position(job: CameraJob, table: GcpTable, where: PlacedPoints) -> KnownPosi
 
 def _check_water(job: CameraJob, fit: CameraFit | PlaneFit) -> None:
     if job.wse_m is not None and isinstance(fit, CameraFit) and not fit.view.pose.position_m[2] > job.wse_m:
-        raise InputError(f"the water surface at {job.wse_m:g} m is not below the camera, which the control points put at "
-                         f"{fit.view.pose.position_m[2]:.2f} m; both must have one height datum, and metres")
+        up_m = fit.view.pose.position_m[2]
+        raise InputError(f"the water surface at {job.wse_m:g} m is not below the camera, which the points put at "
+                         f"{up_m:.2f} m; both must have one height datum, and metres")
 
 
 def _length_doubts(job: CameraJob, fit: CameraFit | PlaneFit) -> list[str]:
@@ -185,19 +188,19 @@ def _length_doubts(job: CameraJob, fit: CameraFit | PlaneFit) -> list[str]:
     return [doubt for doubt in found if doubt]
 
 
-def _position_doubts(job: CameraJob, fit: CameraFit | PlaneFit, position: KnownPosition | None, fit_to: Fitter
+def _position_doubts(job: CameraJob, points: ControlPoints, position: KnownPosition | None, fit_to: Fitter
                      ) -> list[str]:
     """Compares a position that was given with the one that the points tell."""
-    if position is None or isinstance(fit, PlaneFit):
+    if position is None:
         return []
     try:
-        free = fit_to(fit.points)
+        free = fit_to(points)
     except InputError:  # they tell none, which is why it was given
         return []
     if isinstance(free, PlaneFit):
         return []
     sigma_m = float(np.sqrt(np.trace(free.pose_covariance[:3, :3])))
-    doubt = position_doubt(free.points, free.view.pose.position_m, sigma_m + job.position_sigma_m, position.position_m)
+    doubt = position_doubt(points, free.view.pose.position_m, sigma_m + job.position_sigma_m, position.position_m)
     return [doubt] if doubt else []
 
 
