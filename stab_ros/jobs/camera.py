@@ -151,13 +151,24 @@ def _fitted(job: CameraJob, points: ControlPoints, size: tuple[int, int], fit_to
     try:
         fit = fit_to(points)
     except InputError as error:
-        why = [*doubts, another_reading(points, size, None, fit_to)]
+        why = [*doubts, another_reading(points, size, None, fit_to) or _plane_instead(job, points)]
         raise InputError("; ".join([f"{job.gcps}: {error}", *(text for text in why if text)])) from error
     reading = another_reading(points, size, fit, fit_to)
     if reading:
         without = f" without {', '.join(fit.wrong)}" if fit.wrong else ""
         raise InputError(f"{job.gcps}: {reading}, and as they are within {fit.rmse_px:.2g} px{without}")
     return fit
+
+
+def _plane_instead(job: CameraJob, points: ControlPoints) -> str | None:
+    """Advice for points that lie in the plane of the water, which tell that plane better than a camera."""
+    if job.plane:
+        return None
+    try:
+        fit = fit_plane(points, job.wse_m, noise=job.noise)
+    except InputError:  # they tell that neither
+        return None
+    return None if fit.wrong or fit.warnings else "--plane fits the homography of their plane"
 
 
 def _position(job: CameraJob, table: GcpTable, where: PlacedPoints) -> KnownPosition | None:

@@ -9,6 +9,7 @@ import numpy as np
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.camera_fit import CameraFit
 from stab_ros.georeferencing.plane_fit import PlaneFit
+from stab_ros.io.camera_file import CameraFile
 from stab_ros.jobs.camera import FittedCamera
 
 
@@ -17,7 +18,17 @@ def as_text(fitted: FittedCamera) -> str:
     fit = fitted.fit
     parts = [_points(fitted), _summary(fit)]
     parts.append(_parameters(fit) if isinstance(fit, CameraFit) else _homography(fit))
-    return "\n\n".join(parts)
+    return "\n\n".join([*parts, *_place(fitted.file)])
+
+
+def _place(file: CameraFile | None) -> list[str]:
+    """Where the camera is in the reference system of the survey."""
+    if file is None or file.frame is None or file.pose is None:
+        return []
+    x, y, z = file.frame.to_crs(file.crs, file.pose.position_m[None])[0]
+    digits = 8 if abs(x) <= 180 and abs(y) <= 90 else 3
+    return [f"the camera in {file.crs}: {x:.{digits}f}, {y:.{digits}f}, {z:.3f}; origin of the map: "
+            f"{file.frame.latitude_deg:.8f}, {file.frame.longitude_deg:.8f} (latitude, longitude), height 0"]
 
 
 def _points(fitted: FittedCamera) -> str:

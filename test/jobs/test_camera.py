@@ -125,6 +125,16 @@ def test_bad_points_are_said_in_one_line(tmp_path: Path, frame: Path, capsys: py
         capsys, good, "--image", tmp_path / "none.png")
 
 
+def test_nadir_points_of_one_plane_are_refused_with_advice_and_fitted_to_a_profile(
+        tmp_path: Path, frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    flat = table(tmp_path / "g.csv", Scene(relief_m=0, pitch_rad=np.pi / 2).points(8, 0.2, np.random.default_rng(5)))
+    line = refused(capsys, flat, "--image", frame)
+    assert "do not tell the focal length" in line
+    assert "--plane" in line
+    warned = warnings_of(capsys, flat, "--image", frame, "--camera", "dji_mavic_2_pro")
+    assert "the nominal focal length is taken as it is" in warned
+
+
 @pytest.mark.parametrize("relief_m", [0.0, 6.0])
 def test_swapped_latitude_and_longitude_are_said(relief_m: float, tmp_path: Path, frame: Path,
                                                  capsys: pytest.CaptureFixture[str]) -> None:
