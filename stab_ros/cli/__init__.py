@@ -14,6 +14,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 from stab_ros.cli import (
+    camera,
     compare,
     convert,
     evaluate,
@@ -33,7 +34,7 @@ from stab_ros.core.memory import keep_freed_memory
 from stab_ros.core.version import __version__
 
 _COMMANDS = (  # in the order of --help
-    stabilize, georeference, evaluate, compare, convert, play, record, recover, info, telemetry, warm_up)
+    stabilize, evaluate, compare, camera, telemetry, georeference, convert, play, record, recover, info, warm_up)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

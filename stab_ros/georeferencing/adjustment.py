@@ -17,7 +17,7 @@ from stab_ros.core.types import BoolArray, FloatArray
 from stab_ros.georeferencing.point_noise import PointNoise
 
 _LEAST_REDUNDANCY = 3  # from which on residuals tell the noise: below it Student's distribution has no variance
-_EVALUATIONS = 60
+_EVALUATIONS = 30
 _HUGE_PX = 1e7  # in place of residuals that overflow
 
 

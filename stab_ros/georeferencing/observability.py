@@ -18,9 +18,9 @@ from stab_ros.georeferencing.adjustment import Solution, solved
 from stab_ros.georeferencing.camera_problem import CameraProblem
 from stab_ros.georeferencing.control_points import ControlPoints
 from stab_ros.georeferencing.levels import on_own_level
+from stab_ros.georeferencing.point_noise import LEAST_NOISE_PX
 from stab_ros.imaging.view import View
 
-LEAST_NOISE_PX = 0.3  # for judgements, where the residuals are smaller by chance
 _REFUSED, _DOUBTED = 0.1, 0.03  # standard deviations: share of a length, or rad
 _PROFILE = 0.25  # change of the focal length that the residuals must notice
 _NOTICED = 9.0  # increase of the squared residuals, in variances: 3 sigma
@@ -29,6 +29,7 @@ _FARTHER = 2.0  # distance of places that are judged, as a multiple of that of t
 _FAR_FACTOR = 6.0  # and relative to that at the points
 _UNCHECKED = 0.02  # share of an error that shows in the point's own residual
 _CONTRADICTED = 1e-3  # chance below which residuals contradict the noise that was given
+_MANY, _NOTABLE_PX = 8, 2.0  # redundancy that tells wrong points, and noise that is doubted below it
 _ON_LINE = 0.03  # spread across, as a share of that along
 _LARGE = 0.005  # share of the image's width that residuals reach where something is wrong
 
@@ -180,6 +181,8 @@ def _residuals(solution: Solution[CameraProblem]) -> list[str]:
     if noise.image_px is not None and redundancy > 0 and chi2.sf(solution.rss, redundancy) < _CONTRADICTED:
         return [f"residuals of {rms_px:.2g} px contradict the noise that was given: the uncertainties are too small by "
                 f"a factor of {np.sqrt(solution.rss / redundancy):.2g}"]
+    if noise.image_px is None and 0 < redundancy < _MANY and solution.rss > _NOTABLE_PX**2 * redundancy:
+        return [f"residuals of {rms_px:.2g} px, and too few points to tell whether one of them is wrong"]
     if rms_px > _LARGE * solution.problem.view.camera.size[0]:
         return [f"residuals of {rms_px:.2g} px are large: several points may be wrong, or the camera is another one"]
     return []

@@ -15,13 +15,16 @@ from stab_ros.core.geometry import apply, jacobian, normalized, point_jacobian
 from stab_ros.core.types import BoolArray, FloatArray, Homography
 from stab_ros.georeferencing.adjustment import Solution
 from stab_ros.georeferencing.control_points import ControlPoints
-from stab_ros.georeferencing.point_noise import PointNoise
+from stab_ros.georeferencing.point_noise import LEAST_NOISE_PX, PointNoise
 from stab_ros.georeferencing.robust_fit import cleaned, fitted_to_best
+from stab_ros.georeferencing.wrong_points import wrong_text
 from stab_ros.imaging.camera import Camera
 
 LEAST_POINTS = 4
 _MOST_STARTS = 40
 _MOST_LISTED = 1000
+_REFUSED, _DOUBTED = 0.1, 0.03  # uncertainty of places, as a share of the extent of the points
+_OFF_PLANE = 0.005  # height above the plane, as a share of that extent, that moves places noticeably
 _SINGULAR = 1e6  # condition of four points of which three lie on a line
 
 
@@ -158,8 +161,57 @@ def fit_plane(points: ControlPoints, wse_m: float | None = None, *, camera: Came
     if not begun:
         raise InputError("the control points tell no homography: no three of four of them may lie on a line")
     found = cleaned(fitted_to_best(begun, noise)[0], noise)
-    names = tuple(points.names[i] for i in found.wrong)
-    return PlaneFit(points, cast("Solution[PlaneProblem]", found.solution), level, names)
+    solution = cast("Solution[PlaneProblem]", found.solution)
+    _check_told(solution)
+    warnings = [*wrong_text(points.names, found), *_doubts(solution, level)]
+    return PlaneFit(points, solution, level, tuple(points.names[i] for i in found.wrong), tuple(warnings))
+
+
+def _check_told(solution: Solution[PlaneProblem]) -> None:
+    problem, used = solution.problem, solution.used
+    share = _uncertainty(solution)
+    if not share < _REFUSED:
+        raise InputError(f"the points do not tell the homography (places amid them {100 * min(share, 9.99):.0f} % of "
+                         "their extent uncertain): no three of four may lie on a line")
+    H = problem.map_H_image(np.zeros(8))
+    px = problem.points.image_px[used]
+    depth = px @ H[2, :2] + 1
+    if depth.max() > 0 > depth.min():
+        raise InputError("the horizon would run between the control points: pixels and places do not belong together")
+    if np.linalg.det(point_jacobian(H, px)).max() > 0:
+        raise InputError("the control points are mirrored: east and north (or latitude and longitude) seem to be "
+                         "swapped")
+
+
+def _doubts(solution: Solution[PlaneProblem], level_m: float) -> list[str]:
+    points, found = solution.problem.points, []
+    share = _uncertainty(solution)
+    if share > _DOUBTED:
+        found.append(f"places amid the points are uncertain by {100 * share:.1g} % of their extent: they lie nearly on "
+                     "a line")
+    off = points.map_m[:, 2] - level_m
+    if np.abs(off).max() > _OFF_PLANE * float(np.ptp(points.map_m[:, :2], axis=0).max()):
+        found.append(f"control points lie up to {float(off[np.argmax(np.abs(off))]):+.2f} m off the plane at "
+                     f"{level_m:.2f} m: without a camera model the plane of the points stands for it")
+    if solution.redundancy <= 0:
+        found.append("no point is more than needed: nothing checks the fit")
+    return found
+
+
+def _uncertainty(solution: Solution[PlaneProblem]) -> float:
+    """Standard deviation of places in the middle of pairs of points, as a share of their extent."""
+    problem = solution.problem
+    here = problem.points.image_px[solution.used]
+    middles = (here[:, None] + here[None]).reshape(-1, 2) / 2
+    steps = 1e-4 * np.sqrt(np.maximum(np.diag(solution.cofactors), 1e-30))
+    if not np.isfinite(steps).all():
+        return np.inf
+    ends = [(apply(problem.map_H_image(step), middles), apply(problem.map_H_image(-step), middles))
+            for step in np.diag(steps)]
+    J = np.stack([(more - less) for more, less in ends], axis=2) / (2 * steps)
+    variance = max(solution.variance_factor, 1.0 if solution.noise.image_px else LEAST_NOISE_PX**2)
+    sigma = np.sqrt(np.einsum("nij,jk,nik->n", J, solution.cofactors * variance, J))
+    return float(sigma.max() / np.ptp(problem.points.map_m[solution.used, :2], axis=0).max())
 
 
 def _undistorted(points: ControlPoints, camera: Camera | None) -> ControlPoints:

@@ -11,6 +11,8 @@ from stab_ros.core.types import FloatArray
 
 ASSUMED_PX = 1.0  # standard deviation of a pixel coordinate where neither the user nor the residuals tell it
 
+LEAST_NOISE_PX = 0.3  # for judgements, where the residuals are smaller by chance
+
 
 @dataclass(frozen=True)
 class PointNoise:

@@ -48,8 +48,8 @@ def camera_for(name: str, size: tuple[int, int]) -> tuple[CameraFile, list[str]]
         raise InputError(f"{name}: is no camera file and no profile{f', did you mean {near[0]}?' if near else ''}; "
                          f"profiles are {', '.join(known)}")
     file = read_camera_file(path)
-    doubts = [f"{file.name}: its focal length is that of a data sheet and may be wrong by {100 * file.nominal:.0f} %, in "
-              "cropped video modes by more; fit or calibrate it"] if file.nominal else []
+    doubts = [f"{file.name}: its focal length is that of a data sheet and may be wrong by {100 * file.nominal:.0f} %, "
+              "in cropped video modes by more; fit or calibrate it"] if file.nominal else []
     if file.camera.size == size:
         return file, doubts
     camera, how = _of_size(file, size)

@@ -359,6 +359,29 @@ def metadata_files() -> Iterator[bytes]:
            b"  relative_file_paths: [part.mcap]\n  compression_mode: ''\n  compression_format: ''\n")
 
 
+def gcp_tables() -> Iterator[bytes]:
+    yield b"name,x,y,X,Y,Z\nA,10.5,20,1.25,2.5,0.5\nB,1800,900.25,30,-40,1\n"
+    yield b"name;x;y;lat;lon\nA;10,5;20;46,1;7,2\n"
+    yield b'"X [meters]","Y [meters]","Z [meters]","X [px]","Y [px]"\n1.25,2.5,.5,11.5,21\n'
+    yield b'flight.mp4,1,,,\nFrame,1,,,\n1,2,3,4,5\n,,,,\nFrame,00026,,,\n1,2,3,6,7\n'
+    yield "name,x,y,X,Y,Z\nA,1,2,3,4,5\n".encode("utf-16")
+
+
+def gcp_features() -> Iterator[bytes]:
+    yield (b'{"type":"FeatureCollection","crs":{"properties":{"name":"urn:ogc:def:crs:EPSG::2056"}},"features":['
+           b'{"type":"Feature","properties":{"name":"A","x":1,"y":2.5},"geometry":{"type":"Point","coordinates":'
+           b'[7.2,46.1,500]}}]}')
+
+
+def camera_files() -> Iterator[bytes]:
+    yield (b"image_width: 640\nimage_height: 480\ncamera_name: c\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
+           b"  data: [438.7, 0.0, 305.5, 0.0, 437.3, 243.7, 0.0, 0.0, 1.0]\ndistortion_model: plumb_bob\n"
+           b"distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.36, 0.11, 0.001, 0.0005, 0.0]\n"
+           b"pose: {position_m: [1.0, 2.0, 46.0], map_q_optical_xyzw: [0.0, 0.0, 0.0, 1.0]}\n"
+           b"fitted: {parameters: [f_px], covariance: {rows: 1, cols: 1, data: [4.0]}}\ncrs: EPSG:2056\n"
+           b"origin: {latitude_deg: 46.1, longitude_deg: 7.2, height_m: 0.0}\nwse_m: 455.2\n")
+
+
 def _videos(*names: str) -> Iterator[bytes]:
     for name in names:
         yield (Path(__file__).resolve().parents[1] / "data" / "videos" / name).read_bytes()
@@ -374,6 +397,7 @@ SEEDS: dict[str, Callable[[], Iterator[bytes]]] = {
     "polygon_file": polygons, "mask": png_files, "static_map": png_files, "homographies": homography_tables,
     "fix": fixes, "attitude": attitudes, "water_level": water_levels,
     "srt": subtitles, "pos": solutions, "table": tables,
+    "gcps": gcp_tables, "geojson": gcp_features, "camera_file": camera_files,
     "parameters": parameter_files, "output_roi": output_rois,
     "mp4": partial(_videos, "plain.mp4", "edit_list.mp4", "rotated.mp4", "av1.mp4", "interlaced.mp4"),
     "avi": partial(_videos, "reordered.avi", "mjpeg.avi"), "mkv": partial(_videos, "vfr.mkv", "vp9.webm"),

@@ -18,10 +18,12 @@ from stab_ros.core.types import Frame
 from stab_ros.imaging.window import Window
 from stab_ros.io.attitude_message import ATTITUDE_TYPES, read_attitude
 from stab_ros.io.bag import Message, Topic, open_bag
+from stab_ros.io.camera_file import read_camera_file
 from stab_ros.io.camera_message import read_camera
 from stab_ros.io.cdr import COMPRESSED_IMAGE, IMAGE, Header, read_stamp
 from stab_ros.io.coded_message import CDR_DEFINITIONS, FFMPEG_PACKET, PROTOBUF_FIELDS, CodedImage
 from stab_ros.io.fix_message import read_fix
+from stab_ros.io.gcp_file import read_gcps
 from stab_ros.io.homographies import read_homographies
 from stab_ros.io.homography_message import read_homography
 from stab_ros.io.image_message import read_image
@@ -207,6 +209,9 @@ _POS = (*_NUMBERS, b"%", b"GPST", b"UTC", b"JST", b"latitude(deg)", b"latitude(d
         b"\t", b"\n", b"Q", b"sdn(m)", b"2401 604800.0", b"9999/12/31 23:59:60.999", b"0001/01/01 00:00:00", b"Tokyo")
 _TABLE = (*_CSV, b";", b"\t", b"time", b"latitude", b"lon", b"datetime(utc)", b"qx", b"(feet)", b"[rad]", b"_ms",
           b"23:59:59", b"00:00:00", b"2022-08-07T12:00:00+99:99", b"1e17", b"-1e17", b"9999-12-31 23:59:59", b"sep=;")
+_GCPS = (*_CSV, b";", b"\t", b"X [meters]", b"X [px]", b"lat", b"lon", b"Frame", b"\xff\xfe", b"#", b"Y", b"1,5")
+_GEOJSON = (*_JSON, b'"features"', b'"coordinates"', b'"properties"', b'"crs"', b"EPSG::", b'"Point"')
+_CAMERA = (*_YAML, b"camera_matrix", b"data", b"pose", b"origin", b"fitted", b"covariance", b"equidistant")
 
 TARGETS: dict[str, Target] = {
     "image": Target(_image(IMAGE), 150),
@@ -244,6 +249,9 @@ TARGETS: dict[str, Target] = {
     "point_list": Target(_text(lambda text: read_tracking_points({"manual_points": text})), 40, _JSON),
     "polygons": Target(_text(lambda text: read_area({"roi": text})), 30, _JSON),
     "polygon_file": Target(_file("roi.json", lambda path: read_area({"roi": path})), 30, _JSON),
+    "gcps": Target(_file("gcps.csv", lambda path: read_gcps(Path(path))), 50, _GCPS),
+    "geojson": Target(_file("gcps.geojson", lambda path: read_gcps(Path(path))), 30, _GEOJSON),
+    "camera_file": Target(_file("camera.yaml", lambda path: read_camera_file(Path(path))), 30, _CAMERA),
     "homographies": Target(_file("H.csv", lambda path: read_homographies(Path(path))), 50, _CSV),
     "parameters": Target(_file("p.yaml", lambda path: read_config(Path(path))), 50, _YAML),
     "output_roi": Target(_text(Window.of), 30, (*_NUMBERS, b",", b", ", b"[", b"]", b"-", b"999999", b"16384")),

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from control_scene import SIZE, Scene
+from control_scene import SIZE, Scene, moved
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.types import FloatArray
@@ -15,6 +15,8 @@ from stab_ros.georeferencing.camera_fit import fit_camera, fit_pose
 from stab_ros.georeferencing.camera_problem import KnownPosition, Unknowns
 from stab_ros.georeferencing.control_points import ControlPoints
 from stab_ros.georeferencing.levels import on_own_level
+from stab_ros.georeferencing.plane_fit import fit_plane
+from stab_ros.georeferencing.point_noise import PointNoise
 
 NADIR = Scene(pitch_rad=math.pi / 2, relief_m=0)
 
@@ -26,13 +28,11 @@ def at(scene: Scene, px: FloatArray, heights: FloatArray, noise_px: float = 0.3)
     return ControlPoints(tuple(f"G{i + 1}" for i in range(len(px))), px + noise, map_m)
 
 
-@pytest.mark.parametrize("noise_px", [0.0, 0.3, 1.0])
-@pytest.mark.parametrize("off_nadir_rad", [0.0, 0.01, 0.03])
+@pytest.mark.parametrize(("noise_px", "off_nadir_rad"), [(0.0, 0.0), (0.3, 0.0), (0.3, 0.03), (1.0, 0.03)])
 def test_focal_length_and_height_above_one_plane_at_nadir_are_refused(noise_px: float, off_nadir_rad: float) -> None:
     scene = replace(NADIR, pitch_rad=math.pi / 2 - off_nadir_rad)
-    for seed in range(3):
-        with pytest.raises(InputError, match="do not tell the focal length from the distance"):
-            fit_camera(scene.points(8, noise_px, np.random.default_rng(seed)), SIZE)
+    with pytest.raises(InputError, match="do not tell the focal length from the distance"):
+        fit_camera(scene.points(8, noise_px, np.random.default_rng(0)), SIZE)
 
 
 def test_they_are_told_by_a_known_position_or_a_known_camera() -> None:
@@ -99,3 +99,50 @@ def test_k1_that_the_points_do_not_tell_is_refused() -> None:
     points = at(scene, rng.uniform([860, 440], [1060, 640], (10, 2)), rng.uniform(0, 6, 10))
     with pytest.raises(InputError, match="do not tell"):
         fit_camera(points, SIZE, Unknowns(focals=0, k1=True), camera=scene.view.camera)
+
+
+def test_residuals_of_few_points_that_hide_a_wrong_one_are_warned_of() -> None:
+    scene = Scene()
+    points = moved(scene.points(5, 0.3, np.random.default_rng(6)), "G2", 0.4, 0.3)
+    fit = fit_pose(points, scene.view.camera)
+    assert fit.wrong == ("G2",) or any("too few points" in line for line in fit.warnings)
+
+
+def test_noise_that_the_residuals_contradict_is_said() -> None:
+    scene = Scene()
+    fit = fit_pose(scene.points(9, 3.0, np.random.default_rng(7)), scene.view.camera, noise=PointNoise(0.3))
+    assert any("contradict the noise that was given" in line for line in fit.warnings)
+
+
+def test_places_of_a_projected_system_and_any_scale_are_fitted_as_well_as_small_ones() -> None:
+    scene = Scene(relief_m=6)
+    points = scene.points(9, 0.3, np.random.default_rng(8))
+    near, offset = fit_camera(points, SIZE), np.array([2.6e6, 8.1e6, 1500.0])
+    far = fit_camera(ControlPoints(points.names, points.image_px, points.map_m + offset), SIZE)
+    assert far.rmse_px == pytest.approx(near.rmse_px, rel=1e-3)
+    assert far.view.pose.position_m - offset == pytest.approx(near.view.pose.position_m, abs=1e-3)
+    small = fit_camera(ControlPoints(points.names, points.image_px, points.map_m / 1000), SIZE)
+    assert small.view.pose.position_m * 1000 == pytest.approx(near.view.pose.position_m, abs=1e-3)
+
+
+def test_points_that_do_not_belong_to_the_picture_are_refused() -> None:
+    rng = np.random.default_rng(9)
+    points = Scene(relief_m=6).points(9, 0.3, rng)
+    scattered = ControlPoints(points.names, rng.uniform(0, 1000, (9, 2)), points.map_m)
+    one = ControlPoints(points.names, np.repeat(points.image_px[:1], 9, 0), np.repeat(points.map_m[:1], 9, 0))
+    for wrong in (scattered, one):
+        for fit in (lambda p: fit_camera(p, SIZE), lambda p: fit_pose(p, Scene().view.camera), fit_plane):
+            with pytest.raises(InputError):
+                fit(wrong)
+
+
+def test_a_plane_seen_as_in_a_mirror_is_refused() -> None:
+    points = Scene(relief_m=0).points(7, 0.3, np.random.default_rng(10))
+    with pytest.raises(InputError, match="swapped"):
+        fit_plane(ControlPoints(points.names, points.image_px, points.map_m[:, [1, 0, 2]]))
+
+
+def test_points_off_the_plane_are_said() -> None:
+    points = Scene(relief_m=0).points(7, 0.3, np.random.default_rng(11))
+    assert any("off the plane" in line for line in fit_plane(points, -0.8).warnings)
+    assert fit_plane(points, 0.0).warnings == ()

@@ -26,13 +26,14 @@ class Scene:
     relief_m: float = 4.0
     k1: float = 0.0
     height_m: float = 46.0
+    yaw_rad: float = 1.2
 
     @property
     def view(self) -> View:
         width, height = self.size
         K = np.array([[0.78 * width, 0, (width - 1) / 2], [0, 0.78 * width, (height - 1) / 2], [0, 0, 1]])
         camera = Camera(K, np.array([self.k1, 0, 0, 0, 0]), "plumb_bob", self.size)
-        return View(camera, Pose.of_angles(np.array([12.0, -31, self.height_m]), 1.2, self.pitch_rad, 0.05))
+        return View(camera, Pose.of_angles(np.array([12.0, -31, self.height_m]), self.yaw_rad, self.pitch_rad, 0.05))
 
     def points(self, count: int, noise_px: float, rng: np.random.Generator) -> ControlPoints:
         """Points spread over the image: one in each cell of a grid."""

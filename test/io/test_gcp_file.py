@@ -1,0 +1,104 @@
+"""Tables of control points as people write them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stab_ros.core.errors import InputError
+from stab_ros.io.gcp_file import read_gcps
+
+PX = np.array([[10.5, 20], [1800, 900.25], [400, 500]])
+PLACES = np.array([[1.25, 2.5, 0.5], [30.0, -40, 1], [7, 8, 9.75]])
+FORMS = {
+    "ours": "name,x,y,X,Y,Z\nA,10.5,20,1.25,2.5,.5\nB,1800,900.25,30,-40,1\nC,400,500,7,8,9.75\n",
+    "semicolons and decimal commas": "name;x;y;X;Y;Z\nA;10,5;20;1,25;2,5;0,5\nB;1800;900,25;30;-40;1\n"
+                                     "C;400;500;7;8;9,75\n",
+    "tabs, other order": "X\tY\tZ\tID\tu\tv\n1.25\t2.5\t.5\tA\t10.5\t20\n30\t-40\t1\tB\t1800\t900.25\n"
+                         "7\t8\t9.75\tC\t400\t500",
+    "no header": "A,10.5,20,1.25,2.5,.5\nB,1800,900.25,30,-40,1\nC,400,500,7,8,9.75",
+    "comments, quotes, spaces": '# survey\n\n"name", "x", "y", "easting", "northing", "elevation"\n'
+                                '"A", 10.5, 20, 1.25, 2.5, .5\nB, 1800, 900.25, 30, -40, 1\n\n'
+                                "C, 400, 500, 7, 8, 9.75\n",
+    "more columns": "name,code,x,y,X,Y,Z,sd\nA,gcp,10.5,20,1.25,2.5,.5,0\nB,gcp,1800,900.25,30,-40,1,0\n"
+                    "C,gcp,400,500,7,8,9.75,0\n",
+}
+KLT_IV = ('"X [meters]","Y [meters]","Z [meters]","X [px]","Y [px]"\n1.25,2.5,.5,11.5,21\n30,-40,1,1801,901.25\n'
+          "7,8,9.75,401,501\n")
+KLT_IV_FRAMES = ('"flight.mp4","1","","",""\n"Frame","1","","",""\n1.25,2.5,.5,11.5,21\n30,-40,1,1801,901.25\n'
+                 '7,8,9.75,401,501\n"","","","",""\n"Frame","00026","","",""\n1.25,2.5,.5,99,99\n')
+
+
+def written(path: Path, text: str, encoding: str = "utf-8") -> Path:
+    path.write_text(text, encoding=encoding)
+    return path
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_forms_are_one(form: str, encoding: str, tmp_path: Path) -> None:
+    table = read_gcps(written(tmp_path / "g.csv", FORMS[form], encoding))
+    assert table.names == ("A", "B", "C")
+    assert np.array_equal(table.image_px, PX)
+    assert np.array_equal(table.places, PLACES)
+    assert not table.geographic
+
+
+@pytest.mark.parametrize("text", [KLT_IV, KLT_IV_FRAMES])
+def test_tables_of_klt_iv_have_no_names_and_count_pixels_from_one(text: str, tmp_path: Path) -> None:
+    table = read_gcps(written(tmp_path / "g.csv", text))
+    assert table.names == ("G1", "G2", "G3")
+    assert np.array_equal(table.image_px, PX)
+    assert np.array_equal(table.places, PLACES)
+    assert any("counted from 1" in remark for remark in table.remarks)
+
+
+def test_latitude_and_longitude(tmp_path: Path) -> None:
+    table = read_gcps(written(tmp_path / "g.csv", "name,x,y,lat,lon\nA,1,2,46.1,7.2\nB,3,4,46.2,7.3\n"))
+    assert table.geographic
+    assert np.array_equal(table.places[:, :2], [[7.2, 46.1], [7.3, 46.2]])
+    assert np.isnan(table.places[:, 2]).all()
+
+
+def test_geojson(tmp_path: Path) -> None:
+    features = [{"type": "Feature", "properties": {"name": name, "x": x, "y": y},
+                 "geometry": {"type": "Point", "coordinates": place}}
+                for name, x, y, place in (("A", 1, 2.5, [7.2, 46.1, 500]), ("", 3, 4, [7.3, 46.2]))]
+    document = {"type": "FeatureCollection", "features": features}
+    table = read_gcps(written(tmp_path / "g.geojson", json.dumps(document)))
+    assert table.names == ("A", "G2")
+    assert table.geographic
+    assert np.array_equal(table.places[0], [7.2, 46.1, 500])
+    assert np.isnan(table.places[1, 2])
+    swiss = {**document, "crs": {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::2056"}}}
+    table = read_gcps(written(tmp_path / "g.geojson", json.dumps(swiss)))
+    assert (table.crs, table.geographic) == ("EPSG:2056", False)
+
+
+@pytest.mark.parametrize(("text", "says"), [
+    ("", "is empty"),
+    ("name,x,y,X,Y,Z\n", "holds no point"),
+    ("name,x,y,X,Y,Z\nA,1,2,3,4,five\n", "line 2: 'five' is no number"),
+    ("name,x,y,X,Y,Z\nA,1,2,3,4\n", "line 2: '' is no number"),
+    ("name,x,y,X,Y,Z\nA,1,2,3,4,nan\n", "line 2: 'nan' is no number"),
+    ("name,x,y,X,Y,Z\n\nA,1,5,2,3,4,5,6,7,5\n", "line 3 has 10 cells for 6 columns; with decimal commas"),
+    ("name,x,y,X,Y,Z\nA,1,2,3,4,5\nA,2,3,4,5,6\n", "has A twice"),
+    ("name,X,Y,Z\nA,1,2,3\n", "no columns of pixels"),
+    ("name,x,y\nA,1,2\n", "no columns of places"),
+    ("x,y,east,X,Y,Z\n1,2,3,4,5,6\n", "the columns east and X mean the same"),
+    ("1,2,3,4\n", "4 columns without a header|no columns of pixels"),
+    ("{", "is no GeoJSON"),
+    ('{"type": "FeatureCollection", "features": [{"type": "Feature"}]}', "feature 1 is no control point"),
+])
+def test_what_is_no_table_is_said_in_one_line(text: str, says: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=says) as error:
+        read_gcps(written(tmp_path / "g.csv", text))
+    assert len(str(error.value).splitlines()) == 1
+
+
+def test_a_missing_file_is_said(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="No such file"):
+        read_gcps(tmp_path / "none.csv")
