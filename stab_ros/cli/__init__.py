@@ -13,7 +13,19 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 
-from stab_ros.cli import compare, convert, evaluate, info, play, record, recover, stabilize, telemetry, warm_up
+from stab_ros.cli import (
+    compare,
+    convert,
+    evaluate,
+    georeference,
+    info,
+    play,
+    record,
+    recover,
+    stabilize,
+    telemetry,
+    warm_up,
+)
 from stab_ros.cli.console import BAD_INPUT, BROKEN_OFF, INTERRUPTED, say, tell
 from stab_ros.cli.options import Parser
 from stab_ros.core.errors import InputError, StabRosError
@@ -21,7 +33,7 @@ from stab_ros.core.memory import keep_freed_memory
 from stab_ros.core.version import __version__
 
 _COMMANDS = (  # in the order of --help
-    stabilize, evaluate, compare, convert, play, record, recover, info, telemetry, warm_up)
+    stabilize, georeference, evaluate, compare, convert, play, record, recover, info, telemetry, warm_up)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

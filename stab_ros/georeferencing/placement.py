@@ -10,6 +10,21 @@ from stab_ros.imaging.pose import Pose
 
 
 @dataclass(frozen=True, eq=False)
+class Motion:
+    """How a frame lies to the reference of the stabiliser.
+
+    Attributes:
+        ref_H_cur: (3, 3), h22 = 1, from its undistorted pixels to those of the reference.
+        covariance: (8, 8) of h00 .. h21; None: unknown.
+        reset_counter: how often the reference had been replaced.
+    """
+
+    ref_H_cur: Homography
+    covariance: FloatArray | None = None
+    reset_counter: int = 0
+
+
+@dataclass(frozen=True, eq=False)
 class Sighting:
     """A frame as orientations take it.
 
@@ -18,12 +33,18 @@ class Sighting:
         gray: (h, w) uint8, the image as taken.
         ref_H_cur: (3, 3), from its undistorted pixels to those of the reference; None: lost, or not stabilised.
         covariance: (8, 8) of h00 .. h21; None: unknown.
+        wse_m: water surface elevation in the map.
+        wse_sigma_m: its standard deviation.
+        reset_counter: how often the reference had been replaced.
     """
 
     stamp_ns: int
     gray: Gray
     ref_H_cur: Homography | None = None
     covariance: FloatArray | None = None
+    wse_m: float = 0.0
+    wse_sigma_m: float = 0.0
+    reset_counter: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +59,8 @@ class Placement:
             geometry_msgs/PoseWithCovariance; None: unknown.
         values: figures for the status by name, with unit in the name (rmse_px, rmse_m, gsd_m, ...).
         warnings: what makes the answer doubtful: one line each.
+        rejected: names of control points that were left out.
+        worst_point: name of the control point with the largest residual; "": there are none.
     """
 
     map_H_image: Homography
@@ -46,3 +69,5 @@ class Placement:
     pose_covariance: FloatArray | None = None
     values: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    rejected: tuple[str, ...] = ()
+    worst_point: str = ""

@@ -83,7 +83,7 @@ class Camera:
         Returns:
             The image in the place of the reference, 0 beyond the border; channels and dtype of `image`.
         """
-        return _resampled(image, self._maps(ref_H_cur, size), interpolation)
+        return _resampled(image, self.maps(ref_H_cur, size), interpolation)
 
     def rectify_at(self, image: Image, ref_H_cur: Homography, size: tuple[int, int], places: RemapTables,
                    interpolation: int) -> Image:
@@ -99,7 +99,7 @@ class Camera:
         Returns:
             (rows, columns) or (rows, columns, channels).
         """
-        x_px, y_px = (_resampled(map_px, places, cv2.INTER_LINEAR) for map_px in self._maps(ref_H_cur, size))
+        x_px, y_px = (_resampled(map_px, places, cv2.INTER_LINEAR) for map_px in self.maps(ref_H_cur, size))
         return _resampled(image, (x_px, y_px), interpolation)
 
     def downscaled(self, downscaling: Downscaling) -> Camera:
@@ -152,17 +152,23 @@ class Camera:
 
     @cached_property
     def _undistorting(self) -> RemapTables:
-        return self._maps(np.eye(3), self.size)
+        return self.maps(np.eye(3), self.size)
 
     @cached_property
     def _lens(self) -> Lens:
         return make_lens(self.K, self.D, self.fisheye, self.size)
 
-    def _maps(self, ref_H_cur: Homography, size: tuple[int, int]) -> RemapTables:
-        """Positions in the distorted image of the pixels of the result.
+    def maps(self, ref_H_cur: Homography, size: tuple[int, int]) -> RemapTables:
+        """Positions in the distorted image of the pixels of the result of `rectify`.
 
-        OpenCV's maps are faster, but do not check the range in which the lens model is valid.
+        Args:
+            ref_H_cur: as for `rectify`; scaled so that its inverse gives the depth, positive in front of the camera.
+            size: as for `rectify`.
+
+        Returns:
+            x and y, (h, w) float32, for cv2.remap; far outside the image where the lens shows nothing.
         """
+        # OpenCV's maps are faster, but do not check the range in which the lens model is valid.
         ray_M_pixel = np.linalg.inv(ref_H_cur @ self.K)
         if self.fisheye or not self._lens.holds(ray_M_pixel, size):
             return lens_maps(self._lens, ray_M_pixel, size)

@@ -23,12 +23,21 @@ _ALMOST_ZERO = 1e-300
 
 def homography_cdr(track: Track, header: Header, size: tuple[int, int], camera: Camera | None = None) -> bytes:
     """CameraInfo of `track`. size: of the reference (width, height). camera: whose K and D it carries."""
+    return rectification_cdr(track.ref_H_cur, header, size, camera)
+
+
+def rectification_cdr(target_H_image: Homography | None, header: Header, size: tuple[int, int],
+                      camera: Camera | None = None) -> bytes:
+    """CameraInfo by which image_proc maps an image with this homography; None: it is not known.
+
+    size: width and height of the result. camera: whose K and D it carries.
+    """
     d, model = np.zeros(5), "plumb_bob"
     if camera is not None and len(camera.D):
         d, model = camera.D.astype(np.float64), camera.model  # astype copies
     if not d.any():
         d[0] = _ALMOST_ZERO
-    k, r, p = _rectification(track.ref_H_cur, np.eye(3) if camera is None else camera.K)
+    k, r, p = _rectification(target_H_image, np.eye(3) if camera is None else camera.K)
     message = ros.sensor_msgs__msg__CameraInfo(
         header=header_message(header), height=size[1], width=size[0], distortion_model=model, d=d, k=k.ravel(),
         r=r.ravel(), p=p.ravel(), binning_x=0, binning_y=0,

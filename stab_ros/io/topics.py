@@ -21,11 +21,14 @@ DEBUG_IMAGE_TOPIC = "debug_image"
 # what the evaluator publishes
 METRICS_TOPIC = "metrics"
 RMSE_TOPIC, RMSD_TOPIC, DISPLACEMENT_TOPIC = "rmse_px", "rmsd", "displacement_px"
+# what georeferencing publishes
+ORTHO_TOPIC, ORTHO_INFO_TOPIC = "image_ortho", "ortho_info"
+POSE_TOPIC, ORIGIN_TOPIC, GCPS_TOPIC, STATUS_TOPIC = "pose", "origin", "gcps", "status"
 # the same in every namespace
 DIAGNOSTICS_TOPIC = "/diagnostics"
 CLOCK_TOPIC = "/clock"
 
-TRACKER_NAME, EVALUATOR_NAME = "tracker_node", "evaluator_node"
+TRACKER_NAME, EVALUATOR_NAME, GEOREFERENCE_NAME = "tracker_node", "evaluator_node", "georeference_node"
 DEFAULT_NAMESPACE = "/camera"  # of a video or a folder of images
 
 
@@ -37,3 +40,8 @@ def topic_in(namespace: str, topic: str) -> str:
 def private(topic: str) -> str:
     """The topic below its node's name: `~/track`."""
     return topic_in("~", topic)
+
+
+def compressed_topic(topic: str) -> str:
+    """The topic of image_transport with the compressed images of a topic."""
+    return f"{topic}/compressed"

@@ -10,6 +10,7 @@ from typing import Any
 from stab_ros.core.errors import ConfigError
 from stab_ros.core.settings import Range, Value, checked, did_you_mean, settings_of
 from stab_ros.evaluation.settings import EvaluatorConfig
+from stab_ros.georeferencing.settings import GeoreferenceConfig
 from stab_ros.methods import METHODS
 from stab_ros.parameters.presets import PRESETS
 from stab_ros.tracking.settings import StabilizerConfig
@@ -67,9 +68,23 @@ def _of_the_evaluator() -> Iterator[Parameter]:
                                              'pixels; "": chosen in the reference frame'))
 
 
+def _of_georeferencing() -> Iterator[Parameter]:
+    yield from parameters_of(GeoreferenceConfig)
+    yield Parameter("gcps_file", "", Range("Path of the ground control points, a CSV file name,x,y,X,Y,Z or GeoJSON; "
+                                           '"": none'))
+    yield Parameter("camera_file", "", Range("Path of a camera.yaml, as `stab-ros camera` writes it, or the name of a "
+                                             'profile; "": camera_info tells the calibration'))
+    yield Parameter("crs", "local", Range("Reference system of the control points and of GeoTIFFs: an EPSG code, or "
+                                          "local for metres in the map"))
+    yield Parameter("origin", "", Range("Origin of the map, 'latitude, longitude, height' in degrees and metres; "
+                                        '"": the centre of the control points, or the first fix'))
+
+
 Table = Mapping[str, Parameter]
 PARAMETERS: Table = {parameter.name: parameter for parameter in _of_the_tracker()}
 EVALUATOR_PARAMETERS: Table = {parameter.name: parameter for parameter in _of_the_evaluator()}
+
+GEOREFERENCE_PARAMETERS: Table = {parameter.name: parameter for parameter in _of_georeferencing()}
 
 
 def checked_values(values: Mapping[str, object], table: Table = PARAMETERS) -> dict[str, Value]:
@@ -138,3 +153,15 @@ def evaluator_config(values: Mapping[str, Value]) -> EvaluatorConfig:
     own = {item.name for item in dataclasses.fields(EvaluatorConfig)}
     chosen: Any = {name: value for name, value in values.items() if name in own}
     return EvaluatorConfig(**chosen)
+
+
+def georeference_config(values: Mapping[str, Value]) -> GeoreferenceConfig:
+    """The settings of georeferencing: defaults, overridden by `values`.
+
+    Raises:
+        ConfigError: as `checked_values`, or settings that contradict each other.
+    """
+    values = checked_values(values, GEOREFERENCE_PARAMETERS)
+    own = {item.name for item in dataclasses.fields(GeoreferenceConfig)}
+    chosen: Any = {name: value for name, value in values.items() if name in own}
+    return GeoreferenceConfig(**chosen)

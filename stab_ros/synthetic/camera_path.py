@@ -99,10 +99,10 @@ class PinholeCamera:
     def image_H_plane(self, pose: Pose) -> Homography:
         """Homography K R [e1 e2 -C] from ground points (x, y), m, to pixels (Hartley and Zisserman 2004, eq. 8.1)."""
         centre = np.array([pose.x_m, pose.y_m, -pose.height_m])
-        return product(self.K, product(_rotation(pose), np.column_stack([np.eye(3)[:, :2], -centre])))
+        return product(self.K, product(rotation(pose), np.column_stack([np.eye(3)[:, :2], -centre])))
 
 
-def _rotation(pose: Pose) -> FloatArray:
+def rotation(pose: Pose) -> FloatArray:
     """Rotation (3, 3) from world to camera axes: yaw about the view axis, then pitch about x, then roll about y."""
     (cy, sy), (cp, sp), (cr, sr) = (
         (math.cos(math.radians(a)), math.sin(math.radians(a))) for a in (pose.yaw_deg, pose.pitch_deg, pose.roll_deg)

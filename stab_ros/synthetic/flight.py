@@ -18,7 +18,10 @@ import numpy as np
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import apply, normalized
 from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography, Image
+from stab_ros.imaging import pose as map_poses
+from stab_ros.imaging.view import View
 from stab_ros.synthetic.camera_path import PinholeCamera, Pose, inverse, product
+from stab_ros.synthetic.map_frame import camera_of, map_points, map_pose
 from stab_ros.synthetic.render import Surface, add_tracers, colored, quantised, render_gray, water_mask
 from stab_ros.synthetic.river import SCENES, SceneSettings, preset
 from stab_ros.synthetic.terrain import Extent, GroundTexture, Layout, centre_line, make_ground, place_m
@@ -118,6 +121,14 @@ class Flight:
         """Pose of the camera in frame `index`."""
         return self._pose_at(index / self.preset.fps)
 
+    def map_pose_at(self, time_s: float) -> map_poses.Pose:
+        """Exact pose of the camera in the map (`map_frame`) at seconds since frame 0."""
+        return map_pose(self._pose_at(time_s))
+
+    def view(self, index: int) -> View:
+        """Camera and exact pose of frame `index` in the map; ground and water are its plane z = 0."""
+        return View(camera_of(self.camera), map_pose(self.pose(index)))
+
     @cached_property
     def water(self) -> BoolArray:
         """Mask (h, w) bool of the water in frame 0."""
@@ -126,8 +137,16 @@ class Flight:
     @cached_property
     def control_points_px(self) -> FloatArray:
         """Centres (n, 2) of the ground control points in frame 0, px."""
-        places = np.array([place_m(self.preset, p.place) for p in self.preset.control_points]).reshape(-1, 2)
-        return apply(self.image_H_plane(0), places)
+        return apply(self.image_H_plane(0), self._control_points_m)
+
+    @property
+    def control_points_map_m(self) -> FloatArray:
+        """Centres (n, 3) of the ground control points in the map."""
+        return map_points(self._control_points_m)
+
+    @property
+    def _control_points_m(self) -> FloatArray:
+        return np.array([place_m(self.preset, p.place) for p in self.preset.control_points]).reshape(-1, 2)
 
     def _pose_at(self, time_s: float) -> Pose:
         return Pose(height_m=self.preset.height_m) + self.preset.motion.at(time_s, self.seed)

@@ -1,0 +1,84 @@
+"""A frame from the reference: the homography of the ground takes its place along, a homothety takes it to the water.
+
+The homographies follow the ground. Where the water lies below it, a point that the camera at C sees on the ground at X
+lies on the water at C + (X - C) (C_z - WSE) / (C_z - ground), along the same ray.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stab_ros.core.geometry import normalized, product_jacobians
+from stab_ros.core.types import FloatArray, Homography
+from stab_ros.georeferencing.orientation import Answer, Unplaced
+from stab_ros.georeferencing.placement import Sighting
+from stab_ros.georeferencing.plane_pose import pose_covariance, pose_of_plane
+from stab_ros.georeferencing.posed import placement
+from stab_ros.imaging.camera import Camera
+from stab_ros.imaging.pose import Pose
+
+
+@dataclass(frozen=True, eq=False)
+class ReferencePlace:
+    """Where the reference lies on the ground.
+
+    Attributes:
+        map_H_ref: (3, 3), h22 = 1, from its undistorted pixels to east and north on the ground, m.
+        covariance: (8, 8) of h00 .. h21.
+        ground_m: elevation of the ground in the map.
+    """
+
+    map_H_ref: Homography
+    covariance: FloatArray
+    ground_m: float
+
+
+def placed_by_motion(camera: Camera, calibrated: bool, reference: ReferencePlace, sighting: Sighting,
+                     values: dict[str, float], warnings: tuple[str, ...]) -> Answer:
+    """The place of a frame that is registered to a placed reference.
+
+    Args:
+        camera: that took it.
+        calibrated: whether its K is known; without, there is no pose, and the ground is taken for the water.
+        reference: where the reference lies.
+        sighting: the frame.
+        values: figures for the status.
+        warnings: what makes the place of the reference doubtful.
+    """
+    if sighting.ref_H_cur is None:
+        return Unplaced("the frame is lost, there is no homography of it")
+    map_H_ground = normalized(reference.map_H_ref @ sighting.ref_H_cur)
+    covariance = _combined(reference, sighting)
+    if not calibrated:
+        return placement(camera, map_H_ground, covariance, None, None, values, warnings)
+    pose = pose_of_plane(camera, map_H_ground, reference.ground_m)
+    if not pose.position_m[2] > sighting.wse_m:
+        return Unplaced(f"the water surface at {sighting.wse_m:g} m is not below the camera at "
+                        f"{pose.position_m[2]:g} m; check wse_m, and that both have one height datum")
+    map_H_image, of_water = _on_water(map_H_ground, pose, reference.ground_m, sighting.wse_m)
+    if covariance is None:
+        return placement(camera, map_H_image, None, pose, None, values, warnings)
+    by_ground = product_jacobians(of_water, map_H_ground)[1]
+    higher, _ = _on_water(map_H_ground, pose, reference.ground_m, sighting.wse_m - 1e-4)
+    by_wse = (map_H_image - higher).ravel()[:8] / 1e-4
+    on_water = by_ground @ covariance @ by_ground.T + sighting.wse_sigma_m**2 * np.outer(by_wse, by_wse)
+    return placement(camera, map_H_image, on_water, pose,
+                     pose_covariance(camera, map_H_ground, covariance, reference.ground_m), values, warnings)
+
+
+def _combined(reference: ReferencePlace, sighting: Sighting) -> FloatArray | None:
+    """Covariance (8, 8) on the ground, of the place of the reference and of the homography; None: unknown."""
+    if sighting.covariance is None or sighting.ref_H_cur is None:
+        return None
+    by_place, by_motion = product_jacobians(reference.map_H_ref, sighting.ref_H_cur)
+    return np.asarray(by_place @ reference.covariance @ by_place.T + by_motion @ sighting.covariance @ by_motion.T)
+
+
+def _on_water(map_H_ground: Homography, pose: Pose, ground_m: float, wse_m: float) -> tuple[Homography, Homography]:
+    """From pixels to the water, h22 = 1, and the homothety from the ground to it."""
+    east, north, up = pose.position_m
+    k = (up - wse_m) / (up - ground_m)
+    homothety = np.array([[k, 0, (1 - k) * east], [0, k, (1 - k) * north], [0, 0, 1]])
+    return normalized(homothety @ map_H_ground), homothety

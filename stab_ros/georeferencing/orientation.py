@@ -1,0 +1,43 @@
+"""The protocol of orientations: ways to know where a frame lies on the water plane (Perks 2020, section 2.2.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias
+
+from stab_ros.georeferencing.placement import Placement, Sighting
+
+
+@dataclass(frozen=True)
+class Unplaced:
+    """A frame whose place is not known: a value, not an error. reason: one line."""
+
+    reason: str
+
+
+Answer: TypeAlias = Placement | Unplaced
+
+
+class Orientation(Protocol):
+    """A way to know where frames lie.
+
+    Attributes:
+        needs_motion: whether it takes `Sighting.ref_H_cur`.
+        needs_sensors: whether it takes positions and attitudes of sensors.
+    """
+
+    needs_motion: bool
+    needs_sensors: bool
+
+    def place(self, sighting: Sighting) -> Answer:
+        """Places a frame.
+
+        Args:
+            sighting: the next frame.
+
+        Returns:
+            Where it lies; or why that is not known.
+
+        Raises:
+            InputError: the frame, the camera and the settings contradict each other.
+        """

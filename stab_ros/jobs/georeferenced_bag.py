@@ -1,0 +1,120 @@
+"""The output bag of georeferencing: the new messages of every frame, and the copied messages of the input."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from stab_ros.georeferencing.control_points import ControlPoints
+from stab_ros.georeferencing.georeferencer import Georeferenced
+from stab_ros.georeferencing.local_frame import LocalFrame
+from stab_ros.imaging.camera import Camera
+from stab_ros.io.bag import BagWriter, Message, topic_of
+from stab_ros.io.cdr import (
+    CAMERA_INFO,
+    DIAGNOSTIC_ARRAY,
+    IMAGE,
+    MARKER_ARRAY,
+    NAV_SAT_FIX,
+    POSE_WITH_COVARIANCE_STAMPED,
+)
+from stab_ros.io.georeference_messages import (
+    gcps_of_cdr,
+    georeference_status_cdr,
+    map_header,
+    origin_cdr,
+    ortho_info_cdr,
+)
+from stab_ros.io.pose_message import pose_cdr
+from stab_ros.io.source import Picture, Source, namespace_of
+from stab_ros.io.topics import (
+    GCPS_TOPIC,
+    GEOREFERENCE_NAME,
+    ORIGIN_TOPIC,
+    ORTHO_INFO_TOPIC,
+    ORTHO_TOPIC,
+    POSE_TOPIC,
+    STATUS_TOPIC,
+    topic_in,
+)
+
+
+@dataclass(frozen=True)
+class GeoreferenceTopics:
+    """The output topics of one camera."""
+
+    image: str
+    info: str
+    pose: str
+    origin: str
+    gcps: str
+    status: str
+
+    @staticmethod
+    def of(namespace: str) -> GeoreferenceTopics:
+        """The topics that a georeference_node in this namespace publishes."""
+        node = topic_in(namespace, GEOREFERENCE_NAME)
+        return GeoreferenceTopics(
+            topic_in(namespace, ORTHO_TOPIC), topic_in(namespace, ORTHO_INFO_TOPIC),
+            *(topic_in(node, name) for name in (POSE_TOPIC, ORIGIN_TOPIC, GCPS_TOPIC, STATUS_TOPIC)))
+
+    @property
+    def types(self) -> Mapping[str, str]:
+        return {self.image: IMAGE, self.info: CAMERA_INFO, self.pose: POSE_WITH_COVARIANCE_STAMPED,
+                self.origin: NAV_SAT_FIX, self.gcps: MARKER_ARRAY, self.status: DIAGNOSTIC_ARRAY}
+
+
+class GeoreferencedBag:
+    """Writes what is told of every frame, and copies all else of the input byte for byte, but for its images.
+
+    An input topic with the name of an output topic is left out (`replaced`).
+
+    Raises:
+        WorkError: the bag cannot be written (any method).
+    """
+
+    def __init__(self, writer: BagWriter, source: Source, orientation: str, with_image: bool) -> None:
+        self._writer, self._orientation, self.with_image = writer, orientation, with_image
+        self._origin_written = False
+        self._rejected: tuple[str, ...] | None = None  # as the last message of control points showed it
+        self._names = GeoreferenceTopics.of(namespace_of(source.topics[source.image_topic]))
+        types = {name: kind for name, kind in self._names.types.items() if with_image or name != self._names.image}
+        self._taken_over = {name for name in source.topics if name not in types and name != source.image_topic}
+        self.replaced = sorted(name for name in source.topics if name in types)
+        for name, msgtype in types.items():
+            writer.add_topic(topic_of(name, msgtype))
+        for name in sorted(self._taken_over):
+            writer.add_topic(source.topics[name])
+        writer.add_extras(source.extras())
+
+    def take_over(self, message: Message) -> None:
+        if message.topic in self._taken_over:
+            self._writer.write(message.topic, message.log_time_ns, message.publish_time_ns, message.data)
+
+    def write_once(self, picture: Picture, answer: Georeferenced, origin: LocalFrame | None,
+                   gcps: ControlPoints | None) -> None:
+        """Writes origin and control points with the first frame, and the points whenever other ones are rejected."""
+        if origin is not None and not self._origin_written:
+            self._origin_written = True
+            self._write(picture, self._names.origin, origin_cdr(answer, origin))
+        rejected = None if answer.placement is None else answer.placement.rejected
+        if gcps is not None and rejected is not None and rejected != self._rejected:
+            self._rejected = rejected
+            self._write(picture, self._names.gcps, gcps_of_cdr(answer, gcps))
+
+    def write(self, picture: Picture, answer: Georeferenced, image: bytes | None, camera: Camera | None) -> None:
+        """Writes all messages of one frame, with its log time.
+
+        image: its message. camera: of the images as the homographies take them; None: of unknown K.
+        """
+        self._write(picture, self._names.info, ortho_info_cdr(answer, camera))
+        self._write(picture, self._names.status, georeference_status_cdr(answer, self._orientation))
+        placement = answer.placement
+        if placement is not None and placement.pose is not None:
+            self._write(picture, self._names.pose, pose_cdr(placement.pose, placement.pose_covariance,
+                                                            map_header(answer)))
+        if self.with_image and image is not None:
+            self._write(picture, self._names.image, image)
+
+    def _write(self, picture: Picture, topic: str, data: bytes) -> None:
+        self._writer.write(topic, picture.log_time_ns, picture.publish_time_ns, data)
