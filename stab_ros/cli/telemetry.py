@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from datetime import UTC
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -53,9 +54,9 @@ def run(options: argparse.Namespace) -> int:
     from stab_ros.io.telemetry_clock import TelemetryClock, Timing
     from stab_ros.jobs.telemetry import Telemetry, convert_telemetry
 
-    zone = zone_named(options.time_zone or "UTC")
+    zone = None if options.time_zone is None else zone_named(options.time_zone)
     timing = Timing(None if options.clock is None else TelemetryClock(options.clock),
-                    None if options.start is None else utc_named(options.start, zone), options.fps,
+                    None if options.start is None else utc_named(options.start, zone or UTC), options.fps,
                     round(options.offset_s * 1e9))
     job = Telemetry(tuple(options.inputs), options.output, options.namespace, timing, zone, options.home_height,
                     options.swap, options.force)

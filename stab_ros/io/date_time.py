@@ -35,6 +35,10 @@ class Date(NamedTuple):
     time_ns: int
     zoned: bool
 
+    def utc_ns(self, zone: tzinfo) -> int:
+        """The UTC time, ns since 1970; zone: where the text tells none."""
+        return self.time_ns if self.zoned else utc_of_local(self.time_ns, zone)
+
 
 def find_date(text: str) -> Date | None:
     """The first date with a time in a text; None: there is none, or it is no day of the calendar."""
@@ -106,7 +110,7 @@ def utc_named(text: str, zone: tzinfo) -> int:
     date = find_date(text)
     if date is None:
         raise InputError(f"{text!r} is no date with a time, it must be as 2025-07-14T10:31:07.2Z")
-    return date.time_ns if date.zoned else utc_of_local(date.time_ns, zone)
+    return date.utc_ns(zone)
 
 
 def gps_minus_utc_s(gps_ns: int) -> int:

@@ -21,7 +21,7 @@ from stab_ros.core.progress import Progress
 from stab_ros.core.types import FloatArray
 from stab_ros.imaging.heading import map_R_body
 from stab_ros.imaging.pose import quaternion_of
-from stab_ros.io.date_time import find_date, utc_of_local
+from stab_ros.io.date_time import find_date
 from stab_ros.io.srt_blocks import Block, srt_blocks
 from stab_ros.io.telemetry_record import Record, Recorded
 
@@ -45,7 +45,9 @@ def read_srt(text: str, zone: tzinfo, progress: Progress) -> Recorded:
     blocks = list(srt_blocks(text))
     incomplete = 0
     for number, block in enumerate(blocks, 1):
-        record = _record(block, zone)
+        date = find_date(block.text)
+        recorded.zoneless |= date is not None and not date.zoned
+        record = _record(block, None if date is None else date.utc_ns(zone))
         if record.tells and (record.since_start_ns, record.utc_ns) != (None, None):
             recorded.records.append(record)
         else:
@@ -57,10 +59,8 @@ def read_srt(text: str, zone: tzinfo, progress: Progress) -> Recorded:
     return recorded
 
 
-def _record(block: Block, zone: tzinfo) -> Record:
+def _record(block: Block, utc_ns: int | None) -> Record:
     text = block.text
-    date = find_date(text)
-    utc_ns = None if date is None else date.time_ns if date.zoned else utc_of_local(date.time_ns, zone)
     values = {name.lower(): _number(number) for inside in _BRACKETS.findall(text)
               for name, number in _VALUE.findall(inside)}
     angles = {kind: _triple(inside) for kind, inside in _ANGLES.findall(text)}

@@ -22,7 +22,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.progress import Progress
 from stab_ros.core.text import one_line
 from stab_ros.core.types import FloatArray
-from stab_ros.io.date_time import DAY_NS, find_date, time_of_day_ns, utc_of_local
+from stab_ros.io.date_time import DAY_NS, find_date, time_of_day_ns
 from stab_ros.io.srt_telemetry import attitude_of
 from stab_ros.io.telemetry_record import Record, Recorded
 
@@ -70,6 +70,7 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType({
 _UNIT = re.compile(r"^(.*?)\s*[(\[]\s*([^()\[\]]*?)\s*[)\]]\s*$")
 _UNIX_NS = 10**17  # of a time since 1970, in ns: 1973; a smaller one counts from the start of the video
 _MOST_NS = 2**62
+_UTC = "utc"
 _Q = ("qx", "qy", "qz", "qw")
 _TEXT = "the first line must name its columns, as time,latitude,longitude,height_m"
 
@@ -104,6 +105,7 @@ def read_csv(text: str, zone: tzinfo, progress: Progress) -> Recorded:
             progress(rows.line_num, len(lines))
     except csv.Error as error:
         raise InputError(f"is no table below line {rows.line_num} ({error})") from error
+    recorded.zoneless = table.zoneless
     if table.of_day:
         recorded.notes.append("its times of day have no date, they count from the first row")
     if broken:
@@ -147,7 +149,8 @@ def _named(cell: str) -> tuple[str, str]:
     base, _, last = name.rpartition("_")
     if not unit and _squeezed(name) not in _KNOWN and last.lower() in _UNITS:
         name, unit = base, last
-    return _squeezed(name), unit.lower()
+    squeezed, unit = _squeezed(name), unit.lower()
+    return squeezed, unit or (_UTC if squeezed.endswith(_UTC) else "")
 
 
 class _Table:
@@ -155,6 +158,7 @@ class _Table:
 
     def __init__(self, columns: Mapping[str, list[_Column]], zone: tzinfo) -> None:
         self._columns, self._zone = columns, zone
+        self.zoneless = False  # dates that name no time zone were met
         self._first_ns: int | None = None  # of the times of day
         self._day_ns, self._last_ns = 0, 0
 
@@ -202,7 +206,9 @@ class _Table:
         """
         date, of_day_ns = find_date(text), time_of_day_ns(text)
         if date is not None:
-            return [("utc", date.time_ns if date.zoned else utc_of_local(date.time_ns, self._zone))]
+            zoned = date.zoned or unit == _UTC
+            self.zoneless |= not zoned
+            return [("utc", date.time_ns if zoned else date.utc_ns(self._zone))]
         if of_day_ns is not None:
             return [("of_day", of_day_ns)]
         time_ns = _time_ns(text, unit) if text else None

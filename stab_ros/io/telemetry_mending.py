@@ -36,7 +36,7 @@ def mended(recorded: Recorded, swap: bool) -> Recorded:
         warnings.append(f"{len(found)} of {len(records)} positions are left out, the first: {found[0]}")
         records = [replace(record, latitude_deg=math.nan, longitude_deg=math.nan) if fault else record
                    for record, fault in zip(records, faults, strict=True)]
-    return Recorded(recorded.of_video, records, notes, [*warnings, *_coarse(records)])
+    return Recorded(recorded.of_video, recorded.zoneless, records, notes, [*warnings, *_coarse(records)])
 
 
 def _places(records: Sequence[Record]) -> np.ndarray:

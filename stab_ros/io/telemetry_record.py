@@ -48,18 +48,20 @@ class Record:
         return self.placed or self.gimbal is not None or self.body is not None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Recorded:
     """What a file of telemetry tells.
 
     Attributes:
         of_video: its times since the start are those of the video's frames.
+        zoneless: it has dates that name no time zone.
         records: in the order of the file.
         notes: how it was taken, one line each.
         warnings: what was left out or is in doubt, one line each.
     """
 
     of_video: bool = False
+    zoneless: bool = False
     records: list[Record] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)

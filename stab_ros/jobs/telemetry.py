@@ -40,7 +40,7 @@ class Telemetry:
         output: the bag to write.
         namespace: of its topics.
         timing: how messages are stamped.
-        zone: of dates in a file that do not name theirs.
+        zone: of dates in a file that do not name theirs; None: UTC, which is warned of where it matters.
         home_height_m: height of the place of take-off: fixes get it plus the height above it; None: the file's height.
         swap: the files have longitude for latitude, and the other way round.
         force: overwrite the output.
@@ -50,7 +50,7 @@ class Telemetry:
     output: Path
     namespace: str = DEFAULT_NAMESPACE
     timing: Timing = field(default_factory=Timing)
-    zone: tzinfo = UTC
+    zone: tzinfo | None = None
     home_height_m: float | None = None
     swap: bool = False
     force: bool = False
@@ -115,8 +115,11 @@ def convert_telemetry(job: Telemetry, progress: Progress) -> Converted:
 
 
 def _read(job: Telemetry, source: Path, progress: Progress) -> _File:
-    recorded = mended(read_telemetry(source, job.zone, progress), job.swap)
+    recorded = mended(read_telemetry(source, job.zone or UTC, progress), job.swap)
     clock, warnings = clock_of(recorded, job.timing), list(recorded.warnings)
+    dated = clock is TelemetryClock.UTC or (job.timing.start_ns is not None and not recorded.of_video)
+    if dated and recorded.zoneless and job.zone is None:
+        warnings.append("its dates name no time zone and are taken as UTC, --time-zone tells another")
     try:
         records = _in_order(recorded, job.timing, warnings)
     except InputError as error:

@@ -237,6 +237,13 @@ def test_times_of_a_table(tmp_path: Path, header: str, cell: str, since_ns: int 
         assert (recorded.records[0].since_start_ns, recorded.records[0].utc_ns) == (since_ns, utc_ns)
 
 
+@pytest.mark.parametrize("header", ["datetime(utc)", "utc", "time_utc"])
+def test_dates_in_utc_by_the_name_of_their_column(tmp_path: Path, header: str) -> None:
+    brisbane = timezone(timedelta(hours=10))
+    recorded = read(tmp_path / "a.csv", f"{header},lat,lon\n2022-08-07 12:00:00,1.5,2.5\n", brisbane)
+    assert (recorded.records[0].utc_ns, recorded.zoneless) == (NOON_NS, False)
+
+
 def test_times_of_day_go_on_after_midnight(tmp_path: Path) -> None:
     recorded = read(tmp_path / "a.csv", "time,lat,lon\n23:59:59.5,1,2\n00:00:00.25,1,2\n")
     assert [record.since_start_ns for record in recorded.records] == [0, 750_000_000]
@@ -312,7 +319,7 @@ def test_missing_and_unknown_files_are_refused(tmp_path: Path) -> None:
 
 # mending --------------------------------------------------------------------------------------------------------------
 def records(*places: tuple[float, float]) -> Recorded:
-    return Recorded(True, [Record(n, None, *place) for n, place in enumerate(places)])
+    return Recorded(True, False, [Record(n, None, *place) for n, place in enumerate(places)])
 
 
 def places(recorded: Recorded) -> list[tuple[float, float]]:

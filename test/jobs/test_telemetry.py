@@ -133,6 +133,14 @@ def test_dates_in_the_zone_that_is_named(tmp_path: Path) -> None:
     assert utc_named("2022-08-07 22:00:00", brisbane) == NOON_NS
 
 
+@pytest.mark.parametrize(("name", "options", "warned"), [
+    ("a.srt", {}, False), ("a.srt", {"timing": Timing(TelemetryClock.UTC)}, True),
+    ("a.srt", {"timing": Timing(TelemetryClock.UTC), "zone": UTC}, False), ("a.pos", {}, False)])
+def test_dates_without_a_zone_are_warned_of(tmp_path: Path, name: str, options: dict[str, Any], warned: bool) -> None:
+    _, done = converted(tmp_path, name, POS if name == "a.pos" else subtitles(3), **options)
+    assert any("name no time zone and are taken as UTC" in line for line in done.warnings) == warned
+
+
 def test_heights_above_the_place_of_take_off(tmp_path: Path) -> None:
     path, _ = converted(tmp_path, "a.srt", subtitles(3), home_height_m=47.0)
     assert by_rosbags(path)["/camera/fix"][0][1].altitude == pytest.approx(93.1, abs=1e-12)
