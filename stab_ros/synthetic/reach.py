@@ -139,14 +139,14 @@ def shore_distance_m(settings: ReachSettings, east_m: FloatArray | float, north_
 
 
 def _banks(settings: ReachSettings, from_shore: FloatArray, seed: int) -> FloatArray:
-    """A bed 1 m deep, a gravel shore, and banks with relief."""
+    """A bed, a shore, and banks with relief."""
     broad = natural_texture([seed, 70], 2.0, 160.0).astype(float)
     rough = natural_texture([seed, 71], 1.4, 40.0).astype(float)
-    depth = 1.0
+    depth = 0.6 * settings.bank_m  # the shore lies where a share of 0.6 / 1.6 of the rise is done
     rise = _smooth(-7.0, 11.0, from_shore + 1.2 * np.tanh(broad))
     inland = _smooth(1.0, 14.0, from_shore)
     return np.asarray(-depth + (depth + settings.bank_m) * rise
-                      + settings.relief_m * inland * broad + 0.06 * rough)
+                      + settings.relief_m * inland * broad + 0.04 * settings.bank_m * rough)
 
 
 def _smooth(low: float, high: float, x: FloatArray) -> FloatArray:
@@ -251,7 +251,7 @@ def _laid(boards: tuple[Board, ...], heights: Float32Array) -> FloatArray:
         steps = np.linspace(-0.75, 0.75, 13) * board.size_m
         east, north = (grid.ravel() for grid in np.meshgrid(board.east_m + steps, board.north_m + steps))
         ground = _interpolated(heights, east, north)
-        if ground.min() < -0.5:
+        if ground.mean() < 0:
             raise InputError(f"board {board.name} lies in the bed of the river, it must lie on a bank")
         places.append((board.east_m, board.north_m, ground.max() + _BOARD_ABOVE_M + board.stand_m))
     return np.array(places).reshape(-1, 3)

@@ -137,6 +137,8 @@ class SurveyFlight:
 
     def ref_H_cur(self, index: int) -> Homography:
         """Exact homography (3, 3) of the water plane from undistorted pixels of frame `index` to those of frame 0."""
+        if index == 0:
+            return np.eye(3)
         return normalized(self.image_H_map(0) @ np.linalg.inv(self.image_H_map(index)))
 
     def board_px(self, index: int) -> FloatArray:

@@ -2,13 +2,14 @@
 
 The river of a reach flows to the east along north = 0. `nadir` hovers 46 m over it, `oblique` looks from a bank, 20
 degrees below the horizon, with the horizon in view, and `strip` is the flight of Perks (2020, section 3.2): 180 m along
-the river at 5 km/h, 46 m high, for 125 s, with boards for control at both ends only.
+the river at 5 km/h, 46 m high, for 125 s, with boards for control at both ends only. `level_strip` is that flight over
+banks without relief, 0.25 m over the water: registrations of the banks hold for the water to 0.5 % of the way flown.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -96,13 +97,15 @@ class SurveyScene:
         return Camera(np.array([[focal, 0, centre[0]], [0, focal, centre[1]], [0, 0, 1.0]]), np.array(D), model, size)
 
 
+_NADIR_REACH = ReachSettings(half_width_m=11.0, bend_m=3.0)
+
+
 def _pair(name: str, east: float, inland: float, control: bool = True,
-          reach: ReachSettings | None = None) -> tuple[Board, Board]:
+          reach: ReachSettings = _NADIR_REACH, stand_m: float = 1.4) -> tuple[Board, Board]:
     """Two boards, `inland` m from the nominal shores, one on each bank; that in the south stands on a stand."""
-    shape = reach or ReachSettings()
-    north, south = (shape.middle_m(east), shape.middle_m(east + 3))
-    return (Board(name + "n", east, north + shape.half_width_m + inland, control=control),
-            Board(name + "s", east + 3, south - shape.half_width_m - inland, 0.8, 1.4, control))
+    north, south = reach.middle_m(east), reach.middle_m(east + 3)
+    return (Board(name + "n", east, north + reach.half_width_m + inland, control=control),
+            Board(name + "s", east + 3, south - reach.half_width_m - inland, 0.8, stand_m, control))
 
 
 _SWAY = camera_path.Pose(x_m=0.15, y_m=0.15, height_m=0.12, yaw_deg=0.5, pitch_deg=0.4, roll_deg=0.4)
@@ -110,7 +113,7 @@ _NADIR = SurveyScene(
     "nadir", MapPath((0.0, 0.0, 46.0), 90.0, 88.5, motion=Motion(_SWAY, 0.15)),
     (*_pair("g", -24, 3.0), *_pair("h", -6, 4.0), *_pair("i", 9, 3.0), *_pair("k", 25, 2.6),
      *_pair("c", -15, 3.5, False), *_pair("d", 1, 3.5, False), *_pair("e", 17, 3.2, False)),
-    reach=ReachSettings(half_width_m=11.0, bend_m=3.0),
+    reach=_NADIR_REACH,
 )
 _OBLIQUE = SurveyScene(
     "oblique", MapPath((0.0, -32.0, 16.0), 82.0, 20.0, 0.6, motion=Motion(_SWAY * 0.6, 0.2)),
@@ -131,16 +134,24 @@ _GUSTS = tuple(
         (91.0, 1.4, 0.7, 0.8, -0.4, -3.0, 0.8, 1.1), (108.0, 2.0, -0.5, -0.4, 0.1, -0.5, -0.8, -0.6),
     ))
 _STRIP_REACH = ReachSettings(half_width_m=9.0, bend_m=2.5, trees=300)
+_LEVEL_REACH = replace(_STRIP_REACH, bank_m=0.25, relief_m=0.02, trees=0, boulders=0)
+
+
+def _along_reach(reach: ReachSettings, stand_m: float) -> tuple[Board, ...]:
+    """Control points at both ends of the strip and checkpoints each 12 m between them."""
+    ends = (("g", -22, 3.0), ("h", -11, 5.5), ("i", 2, 3.0), ("u", 173, 5.5), ("v", 184, 3.0), ("w", 197, 5.5))
+    controls = (_pair(name, east, inland, True, reach, stand_m) for name, east, inland in ends)
+    checks = (_pair(f"c{k}", east, 4.0, False, reach, stand_m) for k, east in enumerate(range(14, 170, 12)))
+    return tuple(board for pair in (*controls, *checks) for board in pair)
+
+
 _STRIP = SurveyScene(
     "strip",
     MapPath((0.0, 0.0, 46.0), 90.0, 90.0, velocity_m_s=(180 / 125, 0.0, 0.0), motion=Motion(_SWAY, 0.13, gusts=_GUSTS)),
-    (*_pair("g", -22, 3, True, _STRIP_REACH), *_pair("h", -11, 5.5, True, _STRIP_REACH),
-     *_pair("i", 2, 3, True, _STRIP_REACH), *_pair("u", 173, 5.5, True, _STRIP_REACH),
-     *_pair("v", 184, 3, True, _STRIP_REACH), *_pair("w", 197, 5.5, True, _STRIP_REACH),
-     *(board for k, east in enumerate(range(14, 170, 12)) for board in _pair(f"c{k}", east, 4, False, _STRIP_REACH))),
-    size=(1360, 765), duration_s=125.0, reach=_STRIP_REACH,
+    _along_reach(_STRIP_REACH, 1.4), size=(1360, 765), duration_s=125.0, reach=_STRIP_REACH,
 )
-SURVEYS = {scene.name: scene for scene in (_NADIR, _OBLIQUE, _STRIP)}
+_LEVEL_STRIP = replace(_STRIP, name="level_strip", reach=_LEVEL_REACH, boards=_along_reach(_LEVEL_REACH, 0.0))
+SURVEYS = {scene.name: scene for scene in (_NADIR, _OBLIQUE, _STRIP, _LEVEL_STRIP)}
 
 
 def survey(name: str) -> SurveyScene:

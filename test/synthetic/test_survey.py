@@ -188,8 +188,9 @@ def test_the_strip_flies_the_reach_of_the_paper() -> None:
     np.testing.assert_allclose([start[2], end[2]], 46, atol=0.6)
 
 
-def test_control_points_of_the_strip_are_seen_at_its_ends_only_and_checkpoints_all_along() -> None:
-    flight = SurveyFlight(survey("strip"), (1360, 765))
+@pytest.mark.parametrize("name", ["strip", "level_strip"])
+def test_control_points_of_the_strip_are_seen_at_its_ends_only_and_checkpoints_all_along(name: str) -> None:
+    flight = SurveyFlight(survey(name), (1360, 765))
     for index in range(0, len(flight), 50):
         seen = np.isfinite(flight.board_px(index)).all(axis=1)
         assert (seen & ~flight.is_control).sum() >= 2
@@ -212,7 +213,7 @@ def test_a_path_moves_as_it_says() -> None:
 
 
 def test_surveys_that_cannot_be_are_refused() -> None:
-    with pytest.raises(InputError, match="must be one of nadir, oblique, strip"):
+    with pytest.raises(InputError, match="must be one of nadir, oblique, strip, level_strip"):
         survey("lake")
     with pytest.raises(InputError, match="64x64"):
         SurveyFlight(survey("nadir"), (32, 32))
