@@ -185,6 +185,7 @@ def test_control_points_in_some_frames_hold_the_estimate() -> None:
         seen = (flight.poses[k], sure) if k in {30, 35} else None
         answer = fusion.update(sighting, prior_of(flight, k), seen)
         assert isinstance(answer, Fused)
+    assert isinstance(answer, Fused)
     off, alone = error(flight, 49, answer.pose), clean(slow=True)[49]
     assert off @ np.linalg.solve(answer.covariance, off) < 35
     assert np.trace(answer.covariance[:3, :3]) < 0.5 * np.trace(alone.covariance[:3, :3])
