@@ -78,6 +78,7 @@ setup(
             "stab-ros = stab_ros.cli:main",
             "tracker_node = stab_ros.nodes.tracker:main",
             "evaluator_node = stab_ros.nodes.evaluator:main",
+            "georeference_node = stab_ros.nodes.georeference:main",
             "bag_player_node = stab_ros.nodes.bag_player:main",
             "bag_recorder_node = stab_ros.nodes.bag_recorder:main",
         ],

@@ -1,6 +1,7 @@
 """A process that plays the pictures of a bag over and over at a steady rate, each stamped when it is published.
 
-python bench/one_camera.py BAG RATE_HZ COUNT    Once somebody listens; prints the stamps of what was sent, ns, as JSON.
+python bench/one_camera.py BAG RATE_HZ COUNT [LISTENERS]    Once so many listen (1); prints the stamps of what was sent,
+ns, as JSON.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ _BEFORE, _STAMP_END = 4, 12  # bytes of a serialised message: what comes before 
 _SETTLED_S = 1.0  # after the others have found each other
 
 
-def main(path: str, rate_hz: float, count: int) -> None:
+def main(path: str, rate_hz: float, count: int, listeners: int) -> None:
     """All pictures are read beforehand: a camera does not wait for a disk."""
     use_profile()
     keep_freed_memory()
@@ -34,7 +35,7 @@ def main(path: str, rate_hz: float, count: int) -> None:
     rclpy.init()
     node = rclpy.create_node("camera")
     images = node.create_publisher(Image, "image_raw", QoSProfile(depth=1))
-    while not images.get_subscription_count():
+    while images.get_subscription_count() < listeners:
         time.sleep(0.01)
     time.sleep(_SETTLED_S)
     stamps_ns, start_s = list[int](), time.monotonic()
@@ -48,4 +49,4 @@ def main(path: str, rate_hz: float, count: int) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], float(sys.argv[2]), int(sys.argv[3]))
+    main(sys.argv[1], float(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4]) if len(sys.argv) > 4 else 1)

@@ -16,6 +16,8 @@ from stab_ros.io.image_message import IMAGE_TYPES
 from stab_ros.io.image_names import IMAGE_SUFFIXES, UNREAD_SUFFIXES
 from stab_ros.io.image_topic import TO_DO
 from stab_ros.io.rosbag2_folder import PART_SUFFIXES
+from stab_ros.io.telemetry import KINDS
+from stab_ros.io.telemetry_csv import QUANTITIES
 from stab_ros.io.video import VIDEO_SUFFIXES
 from stab_ros.io.video_decoder import DECODERS
 
@@ -125,6 +127,56 @@ PyAV's wheels bundle FFmpeg (LGPL) with the encoders x264 and x265 (GPL), which 
 | animations (APNG, WebP) | refused, with the command that takes them apart |
 | sizes | all images must have one size; grey, colour and alpha may alternate |
 
+## Positions and attitudes
+
+`stab-ros telemetry FLIGHT OUTPUT.mcap` makes a bag of them that the georeferencing takes: sensor_msgs/NavSatFix on \
+`fix`, the gimbal as
+geometry_msgs/QuaternionStamped on `gimbal`, the drone as sensor_msgs/Imu on `imu`, all in east, north and up \
+(REP-103), below `--namespace`.
+
+| file | what it is | read from it | its times |
+|---|---|---|---|
+{telemetry}
+
+Of several files, `telemetry PPK.pos FLIGHT.srt OUTPUT.mcap`, positions are taken from the first that tells them, and \
+attitudes likewise.
+Subtitles inside a video: `ffmpeg -i FLIGHT.MP4 -map 0:s:0 FLIGHT.srt`.
+Text may be UTF-8, UTF-16 or of an old code page. Numbers may have decimal commas where those do not part columns.
+
+**Clock.** Stamps are those of the video's frames, 1 s + the time since the first one, where the file belongs to a \
+video or counts from a start: for
+subtitles and tables of seconds. With `--fps` the time codes, whole milliseconds, become those of the frames. Dates \
+give stamps in UTC; `--start
+DATE`, when the first frame was taken, turns them into those of the video. `--clock` chooses the other way, \
+`--time-zone` is that of dates that name
+none, and `--offset-s` is added.
+
+**Heights** are as the file has them, and what they count from is for you to know: a NavSatFix has them above the \
+ellipsoid, DJI mostly writes them
+above the sea or the place of take-off. `--home-height M` takes M plus the height above the place of take-off.
+
+**Angles.** DJI's yaw is clockwise from north, its pitch -90 at nadir, its roll to the right. Tables use the same.
+
+**Faults.** Of a value that is repeated until the receiver has a new one, each is written once; where the drone \
+stands, one in as many places. Left
+out and said: blocks and lines that are broken, positions of zero before the first fix, moments that come twice. \
+Mended and said: latitudes beyond 90
+degrees that are longitudes (`--swap` where both are possible), positions in radians, moments out of order. Steps of \
+more than a metre, as of DJI's
+first drones, are warned of.
+
+### Columns of a table
+
+The first line names the columns, in any order and case, as `height_m`, `Height (m)` or `height [m]`; others are \
+ignored. Needed are a time, and
+latitude and longitude or the angles or quaternion of an attitude. A time without a unit is taken by its size: \
+seconds since the first frame, or s,
+ms, us or ns since 1970.
+
+| quantity | names | units, the first where none is named |
+|---|---|---|
+{columns}
+
 ## Times of a recording
 
 The stamp of an image is that of its header. Images that were logged up to eight places late are put in the order of \
@@ -175,9 +227,19 @@ def _leaves_as(encoding: str) -> str:
     return Frame(np.zeros(shape, dtypes.get(encoding, np.uint8)), encoding, 0).warped_encoding
 
 
+def _telemetry() -> str:
+    return "\n".join(_row(f"`{suffix}`", kind.name, kind.holds, kind.times) for suffix, kind in KINDS.items())
+
+
+def _columns() -> str:
+    return "\n".join(_row(name.replace("_", " "), _names(quantity.names), _names(quantity.units))
+                     for name, quantity in QUANTITIES.items())
+
+
 if __name__ == "__main__":
     print(_PAGE.format(
         bags=_names(PART_SUFFIXES), types=_types(), codecs=", ".join(dict.fromkeys(_codec(name) for name in \
 DECODERS.values())),
         republish="\n".join(f"- `{name}`: {advice}" for name, advice in TO_DO.items()), encodings=_encodings(),
-        videos=_names(VIDEO_SUFFIXES), images=_names(IMAGE_SUFFIXES), unread=_names(UNREAD_SUFFIXES)), end="")
+        telemetry=_telemetry(), columns=_columns(), videos=_names(VIDEO_SUFFIXES),
+        images=_names(IMAGE_SUFFIXES), unread=_names(UNREAD_SUFFIXES)), end="")

@@ -11,9 +11,9 @@ from stab_ros.core.settings import Range, Value
 from stab_ros.nodes.bag_player_node import PlayerSettings
 from stab_ros.nodes.bag_recorder_node import RecorderSettings
 from stab_ros.nodes.params import table_of
-from stab_ros.parameters.node_settings import EvaluatorSettings, TrackerSettings
+from stab_ros.parameters.node_settings import EvaluatorSettings, GeoreferenceSettings, TrackerSettings
 from stab_ros.parameters.presets import PRESETS
-from stab_ros.parameters.table import EVALUATOR_PARAMETERS, PARAMETERS, Parameter
+from stab_ros.parameters.table import EVALUATOR_PARAMETERS, GEOREFERENCE_PARAMETERS, PARAMETERS, Parameter
 
 _HEAD = """# Parameters
 
@@ -31,7 +31,9 @@ The tools of the papers with their parameters. Parameters that are given beside 
 only be chosen at start; in a running node, change the single parameters.
 """
 _EVALUATOR = "The evaluator: `evaluator_node`, and `-p name:=value` of `stab-ros evaluate`"
-_NODES = {"tracker_node": TrackerSettings, "evaluator_node": EvaluatorSettings, "bag_player_node": PlayerSettings,
+_GEOREFERENCE = "Georeferencing: `georeference_node`, and `-p name:=value` of `stab-ros georeference`"
+_NODES = {"tracker_node": TrackerSettings, "evaluator_node": EvaluatorSettings,
+          "georeference_node": GeoreferenceSettings, "bag_player_node": PlayerSettings,
           "bag_recorder_node": RecorderSettings}
 # a list of strings, which no settings dataclass holds: the recorder declares it by itself
 _TOPICS = Parameter("topics", "", Range("Topics to record, a list of names such as `[/a,/b]`; none: all topics"))
@@ -72,5 +74,6 @@ if __name__ == "__main__":
     print(_HEAD + _section(_ENGINE, PARAMETERS.values()))
     print(_presets())
     print(_section(_EVALUATOR, EVALUATOR_PARAMETERS.values()))
+    print(_section(_GEOREFERENCE, GEOREFERENCE_PARAMETERS.values()))
     for name, settings in _NODES.items():
         print(_section(f"`{name}` alone", [*table_of(settings).values(), *_LISTS.get(name, [])]))

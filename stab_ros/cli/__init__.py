@@ -13,15 +13,27 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 
-from stab_ros.cli import compare, convert, evaluate, georeference, info, play, record, recover, stabilize, warm_up
+from stab_ros.cli import (
+    compare,
+    convert,
+    evaluate,
+    georeference,
+    info,
+    play,
+    record,
+    recover,
+    stabilize,
+    telemetry,
+    warm_up,
+)
 from stab_ros.cli.console import BAD_INPUT, BROKEN_OFF, INTERRUPTED, say, tell
 from stab_ros.cli.options import Parser
 from stab_ros.core.errors import InputError, StabRosError
 from stab_ros.core.memory import keep_freed_memory
 from stab_ros.core.version import __version__
 
-# in the order of --help
-_COMMANDS = (stabilize, georeference, evaluate, compare, convert, play, record, recover, info, warm_up)
+_COMMANDS = (  # in the order of --help
+    stabilize, georeference, evaluate, compare, convert, play, record, recover, info, telemetry, warm_up)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

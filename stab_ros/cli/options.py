@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 from typing import Any, NoReturn
 
 import yaml
@@ -60,6 +61,21 @@ def seconds(text: str) -> float:
     if number is None or not 0 <= number < math.inf:
         raise argparse.ArgumentTypeError(f"{text!r} must be a number of seconds, 0 or above")
     return number
+
+
+def finite(text: str) -> float:
+    """For argparse: a finite number."""
+    number = _number(text)
+    if number is None or not math.isfinite(number):
+        raise argparse.ArgumentTypeError(f"{text!r} must be a number")
+    return number
+
+
+def namespace(text: str) -> str:
+    """For argparse: a namespace of ROS, without the slash at its end."""
+    if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)*/?", text):
+        raise argparse.ArgumentTypeError(f"{text!r} is no namespace, it must be as /camera")
+    return text.rstrip("/")
 
 
 def names(text: str) -> tuple[str, ...]:

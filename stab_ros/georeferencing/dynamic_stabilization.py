@@ -10,6 +10,7 @@ from stab_ros.georeferencing.moved import ReferencePlace, placed_by_motion
 from stab_ros.georeferencing.orientation import Answer, Unplaced
 from stab_ros.georeferencing.placement import Sighting
 from stab_ros.georeferencing.settings import GeoreferenceConfig
+from stab_ros.georeferencing.tilt import TiltEstimate
 from stab_ros.imaging.camera import Camera
 
 
@@ -43,6 +44,7 @@ class DynamicStabilization:
         by_scale = np.concatenate([H[:2].ravel(), [0, 0]])  # d h / d ln(gsd)
         self._reference = ReferencePlace(H, used.sigma**2 * np.outer(by_scale, by_scale), config.wse_m + above_m)
         self._warnings = tuple(filter(None, (contradiction(used, other) for other in others)))
+        self._tilt = TiltEstimate(camera.K)
         self._resets: int | None = None  # at the first frame
 
     def place(self, sighting: Sighting) -> Answer:
@@ -51,4 +53,9 @@ class DynamicStabilization:
             self._resets = sighting.reset_counter
         if sighting.reset_counter != self._resets:
             return Unplaced("the stabiliser has taken another reference, whose place is not known")
-        return placed_by_motion(self._camera, self._calibrated, self._reference, sighting, {}, self._warnings)
+        return placed_by_motion(self._camera, self._calibrated, self._reference, sighting, {}, self._doubts(sighting))
+
+    def _doubts(self, sighting: Sighting) -> tuple[str, ...]:
+        if self._calibrated and sighting.ref_H_cur is not None and sighting.covariance is not None:
+            self._tilt.add(sighting.ref_H_cur, sighting.covariance)
+        return tuple(filter(None, (*self._warnings, self._tilt.doubt)))

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from stab_ros.core.errors import InputError
-from stab_ros.core.geometry import inside, normalized
+from stab_ros.core.geometry import normalized
 from stab_ros.core.types import FloatArray, Homography
 from stab_ros.georeferencing.camera_fit import CameraFit, fit_camera, fit_pose
 from stab_ros.georeferencing.control_points import ControlPoints
+from stab_ros.georeferencing.gcp_places import check_inside
 from stab_ros.georeferencing.known_scale import is_feet
 from stab_ros.georeferencing.plane_fit import LEAST_POINTS, PlaneFit, fit_plane
 from stab_ros.georeferencing.point_noise import PointNoise
@@ -83,7 +84,7 @@ def fit_gcps(config: GeoreferenceConfig, camera: Camera, calibrated: bool, gcps:
         InputError: a point lies outside the image, the points do not tell where it lies, or the water would be above
             the camera.
     """
-    _check_inside(gcps, camera.size)
+    check_inside(gcps, camera.size)
     noise = PointNoise(config.gcp_sigma_px, config.gcp_sigma_m)
     if calibrated:
         return _checked(config, fit_pose(gcps, camera, noise=noise))
@@ -117,10 +118,3 @@ def _height_warning(given_m: float, fitted_m: float) -> tuple[str, ...]:
     why = "; one of both is in feet, they must be in metres" if is_feet(fitted_m / given_m) else ""
     return (f"the control points place the camera {fitted_m:.4g} m above the water, height_m {given_m:.4g} m{why}",)
 
-
-def _check_inside(gcps: ControlPoints, size: tuple[int, int]) -> None:
-    outside = np.flatnonzero(~inside(gcps.image_px, size))
-    if len(outside):
-        x, y = gcps.image_px[outside[0]]
-        raise InputError(f"control point {gcps.names[outside[0]]!r} at ({x:g}, {y:g}) lies outside the "
-                         f"{size[0]}x{size[1]} image; it must be marked in it")

@@ -12,10 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from stab_ros.core.errors import InputError
-from stab_ros.core.geometry import normalized
+from stab_ros.core.geometry import apply, normalized
 from stab_ros.core.gray import GreyRange, grey_range, to_gray
-from stab_ros.core.types import Frame, Homography, Image
-from stab_ros.georeferencing.horizon import gsd_m, in_front, outline_m, sampled_pixels
+from stab_ros.core.types import FloatArray, Frame, Homography, Image
+from stab_ros.georeferencing.control_points import ControlPoints
+from stab_ros.georeferencing.horizon import gsd_m, sampled_pixels, shown_well
+from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.georeferencing.orientation import Answer, Orientation, Unplaced
 from stab_ros.georeferencing.ortho_grid import OrthoGrid
 from stab_ros.georeferencing.orthophoto import Orthophotos
@@ -65,7 +67,8 @@ class Georeferencer:
     """
 
     def __init__(self, config: GeoreferenceConfig, camera: Camera, orientation: Orientation, sensors: Sensors,
-                 image_H_ref: Homography | None = None) -> None:
+                 image_H_ref: Homography | None = None, gcps: ControlPoints | None = None,
+                 local_frame: LocalFrame | None = None, doubts: tuple[str, ...] = ()) -> None:
         """Prepares for a stream.
 
         Args:
@@ -75,9 +78,13 @@ class Georeferencer:
             sensors: those that `orientation` takes.
             image_H_ref: (3, 3), for images that are stabilised already: from pixels of the reference to those of the
                 image; their lens distortion is removed already. None: images are as taken.
+            gcps: the control points of `orientation`, to be shown; None: there are none.
+            local_frame: where the map is on the Earth; None: the first fix tells, if any comes.
+            doubts: what is doubtful of the whole stream: one line each.
         """
         self._config, self._camera, self._orientation, self._sensors = config, camera, orientation, sensors
-        self._image_H_ref = image_H_ref
+        self._image_H_ref, self.gcps, self.doubts = image_H_ref, gcps, doubts
+        self._local_frame = local_frame
         self._shown = camera  # the one that took the images as they come
         if image_H_ref is not None:
             self._shown = Camera(image_H_ref @ camera.K, np.zeros(0), "plumb_bob", camera.size)
@@ -96,6 +103,33 @@ class Georeferencer:
     def waiting(self) -> int:
         """Number of frames that wait for sensors."""
         return len(self._waiting)
+
+    @property
+    def wse_m(self) -> float:
+        """Water surface elevation of the settings, m."""
+        return self._config.wse_m
+
+    @property
+    def local_frame(self) -> LocalFrame | None:
+        """Where the map is on the Earth; None: not known yet."""
+        return self._local_frame
+
+    def add_fix(self, stamp_ns: int, lat_lon_height: FloatArray, covariance_m2: FloatArray | None) -> None:
+        """Takes a position of the antenna. The first one fixes the origin of the map, at height 0, where none is given.
+
+        Args:
+            stamp_ns: on the clock of the sensor.
+            lat_lon_height: (3,), latitude and longitude, degrees, and height, m.
+            covariance_m2: (3, 3) of east, north and up; None: unknown.
+
+        Raises:
+            InputError: not finite, no place on the Earth, or too far from the origin.
+        """
+        raised = lat_lon_height + np.array([0, 0, self._config.fix_height_offset_m])
+        local_frame = self._local_frame or LocalFrame(float(raised[0]), float(raised[1]), 0.0)
+        position_m = local_frame.from_geodetic(raised[None])[0]
+        self._local_frame = local_frame
+        self.add_position(PositionSample(stamp_ns, position_m, covariance_m2))
 
     def add_position(self, sample: PositionSample) -> None:
         """Takes a position of the antenna in the map, on the clock of the sensor."""
@@ -223,15 +257,14 @@ def make_grid(config: GeoreferenceConfig, map_H_image: Homography, camera: Camer
         map_H_image: (3, 3), from undistorted pixels of the frame to east and north, m.
         camera: that took it.
     """
-    pixels = sampled_pixels(camera)
-    seen = in_front(map_H_image, pixels)
-    if not seen.any():
+    pixels = shown_well(map_H_image, sampled_pixels(camera))
+    if not len(pixels):
         return None
-    resolution_m = config.resolution_m or float(np.median(gsd_m(map_H_image, pixels[seen])))
+    resolution_m = config.resolution_m or float(np.median(gsd_m(map_H_image, pixels)))
     if config.borders_m is not None:
         west, south, east, north = config.borders_m
         return OrthoGrid.covering(np.array([[west, south], [east, north]]), resolution_m)
-    outline = outline_m(map_H_image, pixels)
+    outline = apply(map_H_image, pixels)
     margin = config.margin_m * np.array([[-1.0, -1.0], [1.0, 1.0]])
     return OrthoGrid.covering(np.concatenate([outline.min(axis=0)[None], outline.max(axis=0)[None]]) + margin,
                               resolution_m)

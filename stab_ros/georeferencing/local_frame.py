@@ -236,6 +236,18 @@ def crs_doubt(crs: int | str) -> str | None:
     return f"{name} needs a grid that is not installed to fit WGS 84 exactly, it does so {within}"
 
 
+def projected_code(crs: int | str) -> int:
+    """The EPSG code of a projected reference system.
+
+    Raises:
+        InputError: it is none.
+    """
+    name = _name(crs)
+    if name == LOCAL or not _crs(name).is_projected:
+        raise InputError(f"{name} is no projected reference system, an orthophoto needs one, as EPSG:32632")
+    return int(name.removeprefix("EPSG:"))
+
+
 def _name(crs: int | str) -> str:
     text = str(crs).strip()
     if text.lower() == LOCAL:

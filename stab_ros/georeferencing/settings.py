@@ -11,7 +11,7 @@ from stab_ros.imaging.warp import INTERPOLATION
 
 ORIENTATIONS = ("stationary_nadir", "stationary_gcps", "dynamic_gcps", "dynamic_stabilization",
                 "dynamic_gcps_stabilization", "dynamic_gps_imu")
-_WITH_MOTION = ("dynamic_stabilization", "dynamic_gcps_stabilization", "dynamic_gps_imu")
+_WITH_MOTION = ("dynamic_stabilization", "dynamic_gcps_stabilization")
 WITH_GCPS = ("stationary_gcps", "dynamic_gcps", "dynamic_gcps_stabilization")
 
 
@@ -51,7 +51,8 @@ class GeoreferenceConfig(Checked):
     gcp_patch_px: int = setting(
         31, "Side of the patches by which dynamic_gcps follows control points, in pixels, odd", 9, 201)
     resolution_m: float = setting(
-        0.0, "Side of a pixel of the orthophoto in metres; 0: the median ground sampling distance of the first frame",
+        0.0, "Side of a pixel of the orthophoto in metres; 0: the median ground sampling distance of what the first "
+        "frame shows well",
         0.0, 1000.0)
     extent: str = setting(
         "", "Borders of the orthophoto in the map, 'west, south, east, north' in metres; \"\": what the first placed "
@@ -67,6 +68,15 @@ class GeoreferenceConfig(Checked):
     mount_rad: str = setting(
         "0, 0, 0", "Attitude of the camera in the body whose attitude is measured, 'yaw, pitch, roll' in radians, "
         "pitch positive downwards; 0, 0, 0: the sensor turns with the camera, as that of a gimbal")
+    fuse_homographies: bool = setting(
+        True, "Whether dynamic_gps_imu takes homographies too, where there are any: they tell relative motion, the "
+        "sensors where it begins")
+    sensor_slow_share: float = setting(
+        0.5, "Share of the variance of the sensors that changes slowly, over about a minute; the rest is new in each "
+        "sample and averages out where homographies are fused", 0.0, 0.99)
+    fix_height_offset_m: float = setting(
+        0.0, "Metres to add to the heights of fixes to get those of the map: minus the undulation of the geoid for "
+        "levels above the sea, the height of the place of take-off for heights above it", -1000.0, 9000.0)
     position_sigma_m: float = setting(
         3.0, "Standard deviation in metres of positions that come without one", 0.001, 1000.0)
     attitude_sigma_rad: float = setting(
@@ -100,7 +110,12 @@ class GeoreferenceConfig(Checked):
 
 def needs_motion(config: GeoreferenceConfig) -> bool:
     """Whether the orientation takes homographies of frames."""
-    return config.orientation in _WITH_MOTION
+    return config.orientation in _WITH_MOTION or (config.orientation == "dynamic_gps_imu" and config.fuse_homographies)
+
+
+def needs_sensors(config: GeoreferenceConfig) -> bool:
+    """Whether the orientation takes positions and attitudes."""
+    return config.orientation == "dynamic_gps_imu"
 
 
 def numbers_of(name: str, text: str, count: int) -> tuple[float, ...]:

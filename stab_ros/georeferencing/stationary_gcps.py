@@ -11,6 +11,7 @@ from stab_ros.georeferencing.gcp_fit import GcpFit
 from stab_ros.georeferencing.orientation import Answer
 from stab_ros.georeferencing.placement import Placement, Sighting
 from stab_ros.georeferencing.posed import placed, placement
+from stab_ros.georeferencing.stillness import with_movement
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.pose import Pose
 
@@ -31,7 +32,7 @@ class StationaryGcps:
         level = (sighting.wse_m, sighting.wse_sigma_m)
         if self._answer is None or self._answer[0] != level:
             self._answer = (level, by_fit(self._found, *level))
-        return self._answer[1]
+        return with_movement(self._answer[1], sighting)
 
 
 class StationaryPose:
@@ -46,7 +47,8 @@ class StationaryPose:
 
     def place(self, sighting: Sighting) -> Answer:
         """The same pose for every frame."""
-        return placed(self._camera, self._pose, self._covariance, sighting.wse_m, sighting.wse_sigma_m, {})
+        answer = placed(self._camera, self._pose, self._covariance, sighting.wse_m, sighting.wse_sigma_m, {})
+        return with_movement(answer, sighting)
 
 
 def by_fit(found: GcpFit, wse_m: float, wse_sigma_m: float) -> Answer:

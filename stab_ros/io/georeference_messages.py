@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from stab_ros.core.text import number
+from stab_ros.georeferencing.control_points import ControlPoints
 from stab_ros.georeferencing.georeferencer import Georeferenced
+from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.cdr import Header, header_of
 from stab_ros.io.diagnostics_message import OK, WARN, status_cdr
+from stab_ros.io.fix_message import Fix, fix_cdr
 from stab_ros.io.homography_message import rectification_cdr
+from stab_ros.io.marker_message import gcps_cdr
 
 MAP_FRAME = "map"
+_MARKER_PX = 20.0  # diameter of the balls that mark control points, in pixels of the orthophoto
 
 
 def map_header(answer: Georeferenced) -> Header:
@@ -24,6 +29,19 @@ def ortho_info_cdr(answer: Georeferenced, camera: Camera | None) -> bytes:
     """
     size = (0, 0) if answer.grid is None else answer.grid.size
     return rectification_cdr(answer.ortho_H_image, header_of(answer.frame), size, camera)
+
+
+def origin_cdr(answer: Georeferenced, origin: LocalFrame) -> bytes:
+    """NavSatFix of the origin of the map."""
+    return fix_cdr(Fix(answer.frame.stamp_ns, origin.latitude_deg, origin.longitude_deg, origin.height_m,
+                       frame_id=MAP_FRAME))
+
+
+def gcps_of_cdr(answer: Georeferenced, gcps: ControlPoints) -> bytes:
+    """MarkerArray of control points; those that were left out for this frame are red."""
+    rejected = () if answer.placement is None else answer.placement.rejected
+    size_m = 1.0 if answer.grid is None else _MARKER_PX * answer.grid.resolution_m
+    return gcps_cdr(gcps, rejected, size_m, map_header(answer))
 
 
 def georeference_values(answer: Georeferenced, orientation: str) -> dict[str, str]:

@@ -40,3 +40,8 @@ def topic_in(namespace: str, topic: str) -> str:
 def private(topic: str) -> str:
     """The topic below its node's name: `~/track`."""
     return topic_in("~", topic)
+
+
+def compressed_topic(topic: str) -> str:
+    """The topic of image_transport with the compressed images of a topic."""
+    return f"{topic}/compressed"

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from stab_ros.georeferencing.control_points import ControlPoints
 from stab_ros.georeferencing.georeferencer import Georeferenced
+from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.bag import BagWriter, Message, topic_of
 from stab_ros.io.cdr import (
@@ -17,9 +18,13 @@ from stab_ros.io.cdr import (
     NAV_SAT_FIX,
     POSE_WITH_COVARIANCE_STAMPED,
 )
-from stab_ros.io.fix_message import Fix, fix_cdr
-from stab_ros.io.georeference_messages import georeference_status_cdr, map_header, ortho_info_cdr
-from stab_ros.io.marker_message import gcps_cdr
+from stab_ros.io.georeference_messages import (
+    gcps_of_cdr,
+    georeference_status_cdr,
+    map_header,
+    origin_cdr,
+    ortho_info_cdr,
+)
 from stab_ros.io.pose_message import pose_cdr
 from stab_ros.io.source import Picture, Source, namespace_of
 from stab_ros.io.topics import (
@@ -32,8 +37,6 @@ from stab_ros.io.topics import (
     STATUS_TOPIC,
     topic_in,
 )
-
-_MARKER_PX = 20.0  # diameter of the balls that mark control points, in pixels of the orthophoto
 
 
 @dataclass(frozen=True)
@@ -70,10 +73,10 @@ class GeoreferencedBag:
         WorkError: the bag cannot be written (any method).
     """
 
-    def __init__(self, writer: BagWriter, source: Source, camera: Camera | None, orientation: str,
-                 with_image: bool) -> None:
-        """camera: of the images as the homographies take them; None: of unknown K."""
-        self._writer, self._camera, self._orientation, self.with_image = writer, camera, orientation, with_image
+    def __init__(self, writer: BagWriter, source: Source, orientation: str, with_image: bool) -> None:
+        self._writer, self._orientation, self.with_image = writer, orientation, with_image
+        self._origin_written = False
+        self._rejected: tuple[str, ...] | None = None  # as the last message of control points showed it
         self._names = GeoreferenceTopics.of(namespace_of(source.topics[source.image_topic]))
         types = {name: kind for name, kind in self._names.types.items() if with_image or name != self._names.image}
         self._taken_over = {name for name in source.topics if name not in types and name != source.image_topic}
@@ -88,17 +91,23 @@ class GeoreferencedBag:
         if message.topic in self._taken_over:
             self._writer.write(message.topic, message.log_time_ns, message.publish_time_ns, message.data)
 
-    def write_origin(self, picture: Picture, origin: Fix) -> None:
-        self._write(picture, self._names.origin, fix_cdr(origin))
+    def write_once(self, picture: Picture, answer: Georeferenced, origin: LocalFrame | None,
+                   gcps: ControlPoints | None) -> None:
+        """Writes origin and control points with the first frame, and the points whenever other ones are rejected."""
+        if origin is not None and not self._origin_written:
+            self._origin_written = True
+            self._write(picture, self._names.origin, origin_cdr(answer, origin))
+        rejected = None if answer.placement is None else answer.placement.rejected
+        if gcps is not None and rejected is not None and rejected != self._rejected:
+            self._rejected = rejected
+            self._write(picture, self._names.gcps, gcps_of_cdr(answer, gcps))
 
-    def write_gcps(self, picture: Picture, answer: Georeferenced, gcps: ControlPoints) -> None:
-        rejected = () if answer.placement is None else answer.placement.rejected
-        size_m = 1.0 if answer.grid is None else _MARKER_PX * answer.grid.resolution_m
-        self._write(picture, self._names.gcps, gcps_cdr(gcps, rejected, size_m, map_header(answer)))
+    def write(self, picture: Picture, answer: Georeferenced, image: bytes | None, camera: Camera | None) -> None:
+        """Writes all messages of one frame, with its log time.
 
-    def write(self, picture: Picture, answer: Georeferenced, image: bytes | None) -> None:
-        """Writes all messages of one frame, with its log time. image: its message."""
-        self._write(picture, self._names.info, ortho_info_cdr(answer, self._camera))
+        image: its message. camera: of the images as the homographies take them; None: of unknown K.
+        """
+        self._write(picture, self._names.info, ortho_info_cdr(answer, camera))
         self._write(picture, self._names.status, georeference_status_cdr(answer, self._orientation))
         placement = answer.placement
         if placement is not None and placement.pose is not None:

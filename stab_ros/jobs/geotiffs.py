@@ -9,7 +9,8 @@ import numpy as np
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.types import FloatArray, Image
-from stab_ros.georeferencing.georeferencer import Georeferenced
+from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
+from stab_ros.georeferencing.local_frame import LOCAL, projected_code
 from stab_ros.georeferencing.ortho_grid import OrthoGrid
 from stab_ros.io.geotiff import write_geotiff
 
@@ -19,9 +20,21 @@ ToCrs = Callable[[FloatArray], tuple[FloatArray, int | None]]
 MakeImage = Callable[[Georeferenced], Image | None]
 
 
-def in_the_map(_middle_m: FloatArray) -> tuple[FloatArray, int | None]:
-    """Local coordinates as they are."""
-    return np.eye(2, 3), None
+def to_crs_of(engine: Georeferencer, crs: str) -> ToCrs:
+    """From the map of an engine to a reference system, an EPSG code or local.
+
+    Raises:
+        InputError: on the first use, where the origin of the map is not known, or the system is not a projected one.
+    """
+    if crs == LOCAL:
+        return lambda _middle_m: (np.eye(2, 3), None)
+
+    def to_crs(middle_m: FloatArray) -> tuple[FloatArray, int | None]:
+        if engine.local_frame is None:
+            raise InputError(f"crs {crs}: where the map is on the Earth is not known, give its origin")
+        return engine.local_frame.affine_to_crs(crs, np.append(middle_m, engine.wse_m)), projected_code(crs)
+
+    return to_crs
 
 
 class GeoTiffs:

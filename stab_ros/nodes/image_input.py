@@ -1,4 +1,4 @@
-"""The tracker's subscription to images: transport, queue, lost messages, and images held until the camera is known."""
+"""A node's subscription to images: transport, queue, lost messages, and images held until the camera is known."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage, Image
 
 from stab_ros.io.cdr import COMPRESSED_IMAGE, IMAGE
-from stab_ros.io.topics import RAW_COMPRESSED_TOPIC, RAW_TOPIC
+from stab_ros.io.topics import RAW_TOPIC, compressed_topic
 from stab_ros.nodes.gap_counter import GapCounter
 from stab_ros.nodes.qos import AdaptiveSubscription, keep_all_reliable, newest_only
 
@@ -19,14 +19,15 @@ _HELD_IMAGES = 100
 class ImageInput:
     """Passes every image on as CDR with the time of its publication, ns.
 
-    compressed: subscribe to image_raw/compressed. keep_all: every image counts, not only the newest. may_pass: while it
-    is false, images are held until `release`, or dropped unless `keep_all`. dropped: is told how many images were lost.
+    compressed: subscribe to the topic's compressed images. keep_all: every image counts, not only the newest. may_pass:
+    while it is false, images are held until `release`, or dropped unless `keep_all`. dropped: is told how many images
+    were lost.
     """
 
     def __init__(self, node: Node, compressed: bool, keep_all: bool, may_pass: Callable[[], bool],
-                 take: Callable[[bytes, int], None], dropped: Callable[[int], None]) -> None:
+                 take: Callable[[bytes, int], None], dropped: Callable[[int], None], topic: str = RAW_TOPIC) -> None:
         self.msgtype = COMPRESSED_IMAGE if compressed else IMAGE
-        self._node, self._keep_all = node, keep_all
+        self._node, self._keep_all, self._topic = node, keep_all, topic
         self._may_pass, self._take, self._dropped = may_pass, take, dropped
         self._gaps = GapCounter()
         self._held: deque[tuple[bytes, int]] = deque(maxlen=_HELD_IMAGES)
@@ -34,7 +35,8 @@ class ImageInput:
 
     def open(self) -> str:
         """Subscribes; returns the full name of the topic."""
-        msg_class, topic = (CompressedImage, RAW_COMPRESSED_TOPIC) if self._compressed else (Image, RAW_TOPIC)
+        msg_class = CompressedImage if self._compressed else Image
+        topic = compressed_topic(self._topic) if self._compressed else self._topic
         choose = keep_all_reliable if self._keep_all else newest_only
         self._subscription = AdaptiveSubscription(self._node, msg_class, topic, self._on_image, choose,
                                                   "let it offer RELIABLE, or set queue_depth:=1")
@@ -59,7 +61,7 @@ class ImageInput:
         if self._subscription is None:
             return
         self._subscription.refresh()
-        other = self._node.resolve_topic_name(RAW_TOPIC if self._compressed else RAW_COMPRESSED_TOPIC)
+        other = self._node.resolve_topic_name(self._topic if self._compressed else compressed_topic(self._topic))
         if not self._subscription.publishers and self._node.count_publishers(other):
             transport = "raw" if self._compressed else "compressed"
             self._node.get_logger().warning(f"nobody publishes {self._subscription.topic}, but {other} is published; "

@@ -101,6 +101,10 @@ class AdaptiveSubscription:
                                           f"nothing is received from it; {self._fix}")
         self._incompatible = ""
 
+    def close(self) -> None:
+        """Ends the subscription."""
+        self._node.destroy_subscription(self._subscription)
+
     def _offers(self) -> list[QoSProfile]:
         """The offers of the publishers; those of another type are logged, once, as nothing is received from them."""
         known = type_name(self._msg_class)

@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from stab_ros.core.errors import InputError
+from stab_ros.core.geometry import apply
 from stab_ros.core.settings import Value
 from stab_ros.core.types import Homography
 from stab_ros.evaluation.evaluator import Evaluator
+from stab_ros.georeferencing.gcp_places import PlacedPoints, placed
 from stab_ros.georeferencing.georeferencer import Georeferencer
+from stab_ros.georeferencing.local_frame import LOCAL, LocalFrame
 from stab_ros.georeferencing.orientations import make_orientation
 from stab_ros.georeferencing.sensors import Sensors
+from stab_ros.georeferencing.settings import GeoreferenceConfig, numbers_of
 from stab_ros.imaging.camera import Camera
+from stab_ros.io.camera_file import CameraFile, read_camera_file
+from stab_ros.io.camera_profiles import camera_for, profiles
+from stab_ros.io.gcp_file import read_gcps
 from stab_ros.io.points import read_points, read_tracking_points
 from stab_ros.io.regions import read_area
 from stab_ros.io.static_maps import read_static_map
-from stab_ros.parameters.table import evaluator_config, georeference_config, stabilizer_config
+from stab_ros.parameters.table import GEOREFERENCE_PARAMETERS, evaluator_config, georeference_config, stabilizer_config
 from stab_ros.tracking.stabilizer import Stabilizer
 
 
@@ -64,13 +73,16 @@ def make_evaluator(values: Mapping[str, Value]) -> Evaluator:
     return Evaluator(evaluator_config(values), points, read_area(values))
 
 
+_WSE = GEOREFERENCE_PARAMETERS["wse_m"]
+
+
 def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size: tuple[int, int],
                        image_H_ref: Homography | None = None) -> Georeferencer:
     """Makes the engine of georeferencing from parameters.
 
     Args:
         values: parameters of georeferencing by name; the others keep their defaults.
-        camera: that takes the images; None: of unknown calibration.
+        camera: that takes the images, unless `camera_file` names another; None: of unknown calibration.
         size: width and height of the images as taken, px.
         image_H_ref: (3, 3), for images that are stabilised already: from pixels of the reference to those of the image;
             None: images are as taken.
@@ -81,12 +93,68 @@ def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size:
     Raises:
         InputError: a name is unknown, a value or a file is wrong, or the orientation needs what is not given.
     """
+    file, remarks = camera_of(values, size)
+    given = values.get("wse_m", _WSE.default) != _WSE.default
+    if file is not None and file.wse_m is not None and not given:
+        values = {**values, "wse_m": file.wse_m}
     config = georeference_config(values)
+    camera = camera if file is None else file.camera
     known = camera or uncalibrated(size)
     if image_H_ref is not None:
         known = Camera(known.K, np.zeros(0), "plumb_bob", known.size)
-    orientation = make_orientation(config, known, camera is not None)
-    return Georeferencer(config, known, orientation, Sensors(config.time_offset_s), image_H_ref)
+    gcps = _gcps_of(values, config, file, image_H_ref)
+    sensors, frame = Sensors(config.time_offset_s), _frame_of(values, file, gcps)
+    points = None if gcps is None else gcps.points
+    pose = None if file is None or file.pose is None else (file.pose, file.pose_covariance)
+    orientation = make_orientation(config, known, camera is not None, points, sensors, pose)
+    doubts = (*remarks, *(() if gcps is None else gcps.doubts))
+    return Georeferencer(config, known, orientation, sensors, image_H_ref, points, frame, doubts)
+
+
+def camera_of(values: Mapping[str, Value], size: tuple[int, int]) -> tuple[CameraFile | None, tuple[str, ...]]:
+    """The camera that `camera_file` names, scaled to images of this size, and what is doubtful of it; None: none.
+
+    Raises:
+        InputError: it cannot be read, or takes images of another shape.
+    """
+    name = str(values.get("camera_file", ""))
+    if not name:
+        return None, ()
+    file, doubts = camera_for(name, size)
+    return file, tuple(doubts)
+
+
+def _gcps_of(values: Mapping[str, Value], config: GeoreferenceConfig, file: CameraFile | None,
+             image_H_ref: Homography | None) -> PlacedPoints | None:
+    """The control points of `gcps_file` in the map, their pixels those of the reference if images are stabilised."""
+    path = str(values.get("gcps_file", ""))
+    if not path:
+        return None
+    table, crs = read_gcps(Path(path)), str(values.get("crs", LOCAL))
+    pixels = table.image_px if image_H_ref is None else apply(np.linalg.inv(image_H_ref), table.image_px)
+    frame = origin_of(values) or (None if file is None else file.frame)
+    try:
+        found = placed(table.names, pixels, table.places, table.crs if crs == LOCAL else crs,
+                       geographic=table.geographic, frame=frame, level_m=config.wse_m)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    return replace(found, doubts=tuple(f"{path}: {doubt}" for doubt in (*table.remarks, *found.doubts)))
+
+
+def _frame_of(values: Mapping[str, Value], file: CameraFile | None, gcps: PlacedPoints | None) -> LocalFrame | None:
+    """Where the map is on the Earth, as far as parameters and files tell."""
+    known = (origin_of(values), None if gcps is None else gcps.frame, None if file is None else file.frame)
+    return next((frame for frame in known if frame is not None), None)
+
+
+def origin_of(values: Mapping[str, Value]) -> LocalFrame | None:
+    """The origin of the map that the parameter `origin` names; None: it names none.
+
+    Raises:
+        InputError: it is none.
+    """
+    text = str(values.get("origin", ""))
+    return LocalFrame(*numbers_of("origin", text, 3)) if text.strip() else None
 
 
 def uncalibrated(size: tuple[int, int]) -> Camera:
@@ -94,3 +162,24 @@ def uncalibrated(size: tuple[int, int]) -> Camera:
     width, height = size
     K = np.array([[max(size), 0, (width - 1) / 2], [0, max(size), (height - 1) / 2], [0, 0, 1]], float)
     return Camera(K, np.zeros(0), "plumb_bob", size)
+
+
+def check_georeference(values: Mapping[str, Value]) -> None:
+    """Refuses what no camera would make right, before the camera is known.
+
+    Args:
+        values: parameters of georeferencing by name.
+
+    Raises:
+        InputError: as `make_georeferencer`; but whether control points fit the camera is not known yet.
+    """
+    georeference_config(values)
+    origin_of(values)
+    camera_file, gcps_file = str(values.get("camera_file", "")), str(values.get("gcps_file", ""))
+    if camera_file and camera_file not in profiles():
+        read_camera_file(Path(camera_file))
+    if gcps_file:
+        read_gcps(Path(gcps_file))
+    elif not camera_file:
+        camera = uncalibrated((640, 480))
+        make_georeferencer(values, camera, camera.size)

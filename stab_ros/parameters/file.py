@@ -5,23 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import yaml
-
 from stab_ros.core.errors import InputError
 from stab_ros.core.settings import Value, settings_of
 from stab_ros.core.text import one_line
-from stab_ros.parameters.node_settings import EvaluatorSettings, TrackerSettings
+from stab_ros.io.yaml_file import read_yaml
+from stab_ros.parameters.node_settings import EvaluatorSettings, GeoreferenceSettings, TrackerSettings
 from stab_ros.parameters.table import EVALUATOR_PARAMETERS, GEOREFERENCE_PARAMETERS, PARAMETERS, Table, checked_values
 
 TRACKER, EVALUATOR, GEOREFERENCE = "tracker_node", "evaluator_node", "georeference_node"
 
 _TABLES = {TRACKER: PARAMETERS, EVALUATOR: EVALUATOR_PARAMETERS, GEOREFERENCE: GEOREFERENCE_PARAMETERS}
 # parameters of the nodes themselves, which the engines do not have; the commands skip them
-_OF_THE_NODES = frozenset(name for settings in (TrackerSettings, EvaluatorSettings)
+_OF_THE_NODES = frozenset(name for settings in (TrackerSettings, EvaluatorSettings, GeoreferenceSettings)
                           for name, _, _ in settings_of(settings))
 _OF_ROS, _QOS = "use_sim_time", "qos_overrides."
 _OF_ALL_NODES = ("/**", "/*")
-_CONFIG_LIMIT = 2**17  # characters of a parameter file; PyYAML reads 100,000 a second
 
 
 def read_config(path: Path, node: str = TRACKER) -> dict[str, Value]:
@@ -40,7 +38,7 @@ def read_config(path: Path, node: str = TRACKER) -> dict[str, Value]:
     Raises:
         InputError: the file is missing, is no ROS parameter file or is for other nodes, or a parameter in it is wrong.
     """
-    nodes = list(_nodes(_document(path)))
+    nodes = list(_nodes(read_yaml(path)))
     if not nodes:
         raise InputError(f"{path}: not a ROS parameter file, it must hold '/**: ros__parameters: name: value'")
     ours = [(name, parameters) for name, parameters in nodes if name.endswith((*_OF_ALL_NODES, f"/{node}"))]
@@ -53,39 +51,6 @@ def read_config(path: Path, node: str = TRACKER) -> dict[str, Value]:
         found.update({key: value for key, value in _flat(path, parameters).items()
                       if not (shared and _is_foreign(key, node))})
     return checked_values({name: value for name, value in found.items() if _is_of_an_engine(name)}, _TABLES[node])
-
-
-class _Loader(yaml.SafeLoader):
-    """YAML without aliases, as in ROS: a few lines of aliases can expand to billions of values."""
-
-    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        if self.check_event(yaml.AliasEvent):
-            raise yaml.YAMLError(f"line {self.line + 1}: aliases are not supported")
-        return super().compose_node(parent, index)
-
-
-def _integer(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int:
-    """An integer of 64 bits; larger ones are slow to print."""
-    value: int = loader.construct_yaml_int(node)
-    if not -(2**63) <= value < 2**63:
-        raise yaml.YAMLError(f"line {node.start_mark.line + 1}: a number does not fit 64 bits")
-    return value
-
-
-_Loader.add_constructor("tag:yaml.org,2002:int", _integer)
-
-
-def _document(path: Path) -> object:
-    """The content of the file."""
-    try:
-        with path.open(encoding="utf-8") as file:
-            text = file.read(_CONFIG_LIMIT + 1)
-        if len(text) > _CONFIG_LIMIT:
-            raise ValueError(f"more than {_CONFIG_LIMIT} characters")
-        return yaml.load(text, _Loader)
-    except (OSError, ValueError, LookupError, AttributeError, TypeError, OverflowError, RecursionError,
-            yaml.YAMLError) as error:  # a value that contradicts its tag raises almost any of these
-        raise InputError(f"{path}: not a readable YAML file ({one_line(error)[:500]})") from error
 
 
 def _is_foreign(name: str, node: str) -> bool:

@@ -41,3 +41,39 @@ class EvaluatorSettings(Checked):
         "skipped, above all of it the oldest frame", 0.1, 1e6)
     wait_for_subscribers: int = setting(
         0, "Number of subscribers to ~/metrics to wait for before taking images", 0, 1000)
+
+
+@dataclass(frozen=True)
+class GeoreferenceSettings(Checked):
+    """Settings of the georeference node."""
+
+    input: str = setting(
+        "image_raw", "Images to georeference: image_raw, as taken, or image_stabilized, of the tracker",
+        choices=("image_raw", "image_stabilized"))
+    image_transport: str = setting(
+        "raw", "Transport of the input: raw, or compressed for the topic with /compressed behind its name",
+        choices=("raw", "compressed"))
+    queue_depth: int = setting(
+        1, "Depth of the input queue; 1: the newest frame wins; 0: every frame is kept, RELIABLE", 0, 1)
+    use_camera_info: bool = setting(
+        True, "Whether camera_info tells the calibration, for which images then wait, unless there is a camera_file; "
+        "false: without a camera_file the camera is not calibrated")
+    use_homographies: bool = setting(
+        False, "Whether to take homographies also for an orientation that does without them, to check that the camera "
+        "is still")
+    attitude: str = setting(
+        "auto", "Topic of the attitude: gimbal, imu, or auto for gimbal if somebody publishes it at first, else imu",
+        choices=("auto", "gimbal", "imu"))
+    water_level_type: str = setting(
+        "auto", "Type of water_level: std_msgs/Float64, geometry_msgs/PointStamped, or auto for that of its publisher",
+        choices=("auto", "Float64", "PointStamped"))
+    wait_s: float = setting(
+        12.0, "Time in seconds, while free to take messages, that frames wait in vain for homographies or samples of "
+        "a sensor, before they are placed without; a start of the tracker that pauses takes 10 s", 0.05, 3600.0)
+    stale_s: float = setting(
+        2.0, "Time in seconds without an image, while free to take one, before the state is STALE", 0.05, 3600.0)
+    backlog_mb: float = setting(
+        1024.0, "Memory in MB for images that wait for their homographies; above it the oldest is placed without", 0.1,
+        1e6)
+    wait_for_subscribers: int = setting(
+        0, "Number of subscribers to ortho_info to wait for before taking images", 0, 1000)

@@ -72,8 +72,8 @@ def _of_georeferencing() -> Iterator[Parameter]:
     yield from parameters_of(GeoreferenceConfig)
     yield Parameter("gcps_file", "", Range("Path of the ground control points, a CSV file name,x,y,X,Y,Z or GeoJSON; "
                                            '"": none'))
-    yield Parameter("camera_file", "", Range("Path of a camera.yaml, as `stab-ros camera` writes it; \"\": camera_info "
-                                             "tells the calibration"))
+    yield Parameter("camera_file", "", Range("Path of a camera.yaml, as `stab-ros camera` writes it, or the name of a "
+                                             'profile; "": camera_info tells the calibration'))
     yield Parameter("crs", "local", Range("Reference system of the control points and of GeoTIFFs: an EPSG code, or "
                                           "local for metres in the map"))
     yield Parameter("origin", "", Range("Origin of the map, 'latitude, longitude, height' in degrees and metres; "

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from hypothesis import given
@@ -14,9 +15,10 @@ from hypothesis import strategies as st
 
 from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.settings import Checked, setting
+from stab_ros.imaging.camera import Camera
 from stab_ros.methods import METHODS
-from stab_ros.parameters.engines import make_evaluator, make_stabilizer
-from stab_ros.parameters.file import EVALUATOR, TRACKER, read_config
+from stab_ros.parameters.engines import make_evaluator, make_georeferencer, make_stabilizer
+from stab_ros.parameters.file import EVALUATOR, GEOREFERENCE, TRACKER, read_config
 from stab_ros.parameters.table import PARAMETERS, Parameter, checked_values, stabilizer_config
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
@@ -198,4 +200,6 @@ def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
 def test_our_own_files_make_an_engine() -> None:
     make_stabilizer(read_config(CONFIG / "tracker.yaml", TRACKER))
     make_evaluator(read_config(CONFIG / "evaluator.yaml", EVALUATOR))
-    assert {path.name for path in CONFIG.glob("*.yaml")} == {"tracker.yaml", "evaluator.yaml"}
+    camera = Camera(np.diag([1000.0, 1000.0, 1.0]), np.zeros(0), "plumb_bob", (640, 480))
+    make_georeferencer(read_config(CONFIG / "georeference.yaml", GEOREFERENCE), camera, camera.size)
+    assert {path.name for path in CONFIG.glob("*.yaml")} == {"tracker.yaml", "evaluator.yaml", "georeference.yaml"}

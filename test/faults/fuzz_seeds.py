@@ -48,7 +48,16 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from stab_ros.io.cdr import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE
+from stab_ros.io.cdr import (
+    CAMERA_INFO,
+    COMPRESSED_IMAGE,
+    FLOAT64,
+    IMAGE,
+    IMU,
+    NAV_SAT_FIX,
+    POINT_STAMPED,
+    QUATERNION_STAMPED,
+)
 from stab_ros.io.coded_message import CDR_DEFINITIONS
 from stab_ros.io.encodings import DECODED
 
@@ -252,6 +261,66 @@ def _write_ros1(path: Path, compression: Any) -> None:
                 writer.write(connection, START_NS + number, NOETIC.serialize_ros1(message, msgtype))
 
 
+def fixes() -> Iterator[bytes]:
+    status = JAZZY.types["sensor_msgs/msg/NavSatStatus"](status=2, service=1)
+    yield bytes(JAZZY.serialize_cdr(JAZZY.types[NAV_SAT_FIX](
+        header=_HEADER, status=status, latitude=55.1, longitude=-1.5, altitude=93.4,
+        position_covariance=np.diag([1.0, 4, 9]).ravel(), position_covariance_type=3), NAV_SAT_FIX))
+
+
+def attitudes() -> Iterator[bytes]:
+    """After the number of their type in ATTITUDE_TYPES."""
+    q = JAZZY.types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.6, z=0.0, w=0.8)
+    zero = JAZZY.types["geometry_msgs/msg/Vector3"](x=0.0, y=0.0, z=0.0)
+    covariance = np.diag([1.0, 4, 9]).ravel()
+    imu = JAZZY.types[IMU](header=_HEADER, orientation=q, orientation_covariance=covariance, angular_velocity=zero,
+                           angular_velocity_covariance=covariance, linear_acceleration=zero,
+                           linear_acceleration_covariance=covariance)
+    yield b"\0" + bytes(JAZZY.serialize_cdr(imu, IMU))
+    stamped = JAZZY.types[QUATERNION_STAMPED](header=_HEADER, quaternion=q)
+    yield b"\1" + bytes(JAZZY.serialize_cdr(stamped, QUATERNION_STAMPED))
+
+
+def water_levels() -> Iterator[bytes]:
+    """After the number of their type in WATER_LEVEL_TYPES."""
+    yield b"\0" + bytes(JAZZY.serialize_cdr(JAZZY.types[FLOAT64](data=12.5), FLOAT64))
+    point = JAZZY.types["geometry_msgs/msg/Point"](x=0.0, y=0.0, z=12.5)
+    yield b"\1" + bytes(JAZZY.serialize_cdr(JAZZY.types[POINT_STAMPED](header=_HEADER, point=point), POINT_STAMPED))
+
+
+def subtitles() -> Iterator[bytes]:
+    block = ("{}\n00:00:0{},040 --> 00:00:09,000\n<font size=\"28\">FrameCnt : 1, DiffTime : 40ms\n2022-08-07 "
+             "12:00:0{},774,808\n[iso : 100] [latitude: 55.{}10009] [longtitude : -1.670001] "
+             "[rel_alt: 1.300 abs_alt: 93.401] [gb_yaw: -142.5 gb_pitch: -88.7 gb_roll: 0.0] </font>\n\n")
+    yield "".join(block.format(n, n, n, n // 2) for n in range(1, 7)).encode("utf-8-sig")
+    phantom = ("1\r\n00:00:00,000 --> 00:00:01,000\r\nF/5.6, SS 400, GPS (-58.851745, -34.237922, 15), HOME (-58.84, "
+               "-34.23, 7.60m), H 85.80m, F.PRY (2.7°, -7.0°, 110.1°), G.PRY (-24.4°, 0.0°, 110.4°)\r\n")
+    yield phantom.encode("utf-16")
+    yield (b"1\n00:00:01,000 --> 00:00:02,000\nHOME(149.0251,-20.2532) 2017.8.5 14:11:51\n"
+           b"GPS(149.0251,-20.2533,16) Hb:1.9\n")
+    yield b"1\n2022.06.21 16:06:17\nGPS(36.6146,-6.1120,0.0M) BAROMETER:8.4M\n"
+
+
+def solutions() -> Iterator[bytes]:
+    names = "Q  ns   sdn(m)   sde(m)   sdu(m)  sdne(m)  sdeu(m)  sdun(m) age(s)  ratio\n"
+    yield ("% program   : rnx2rtkp ver.2.4.3\n%  GPST                  latitude(deg) longitude(deg)  height(m)   "
+           f"{names}2026/01/14 21:17:29.000   32.064101442   34.800189222    94.8836   2   4   0.0880   0.1341   "
+           "0.3388  -0.05  0.02  0.01  0.00    1.6\n2401 604799.875 32.064101443   34.800189222 94.8 1 9\n").encode()
+    yield (b"%  UTC x-ecef(m) y-ecef(m) z-ecef(m) Q ns sdx(m) sdy(m) sdz(m) sdxy(m) sdyz(m) sdzx(m) age(s) ratio\n"
+           b"2018/06/22 06:17:30.000 -4647152.8622 2562199.8251 -3526633.5232 5 5 31.7 35.8 11.3 -33.2 -18.2 17.1 0\n")
+    yield (b"% JST,latitude(d'\"),longitude(d'\"),height(m),Q,ns\n"
+           b"2020/08/25 12:03:00.0,-0 30 36.0,  8 15 0.0, 100.5,1,9\n")
+
+
+def tables() -> Iterator[bytes]:
+    yield (b"time,lat,lon,height_m,sde,sdn,sdu,qx,qy,qz,qw\n0.1,55.1,-1.5,93.4,1,1,2,0,0,0.6,0.8\n"
+           b"0.2,55.1,-1.5,93.4,1,1,2,0,0,0,1\n")
+    yield (b"time(millisecond);datetime(utc);latitude;longitude;altitude_above_seaLevel(feet);gimbal_heading(degrees);"
+           b"gimbal_pitch(degrees)\r\n100;2024-05-05 23:59:59;55,1;-1,5;100,5;90;-90\r\n")
+    yield b"date,time,lat,lon\n2024-05-05,23:59:59.5,55.1,2\n2024-05-06,00:00:00.5,55.1,2\n"
+    yield b"time,lat,lon\n23:59:59.5,55.1,2\n00:00:00.5,55.1,2\n"
+
+
 def points_tables() -> Iterator[bytes]:
     yield b"name,x,y\nV1,10,20.5\nleft bank,1e2,7\n"
     yield b'\xef\xbb\xbfy,x,name,note\r\n20.5,10,V1,"a, b"\r\n7, 100, "left\nbank",\r\n'
@@ -303,6 +372,8 @@ SEEDS: dict[str, Callable[[], Iterator[bytes]]] = {
     "tiff": tiff_files, "photo": photos,
     "metadata": metadata_files, "points": points_tables, "point_list": point_lists, "polygons": polygons,
     "polygon_file": polygons, "mask": png_files, "static_map": png_files, "homographies": homography_tables,
+    "fix": fixes, "attitude": attitudes, "water_level": water_levels,
+    "srt": subtitles, "pos": solutions, "table": tables,
     "parameters": parameter_files, "output_roi": output_rois,
     "mp4": partial(_videos, "plain.mp4", "edit_list.mp4", "rotated.mp4", "av1.mp4", "interlaced.mp4"),
     "avi": partial(_videos, "reordered.avi", "mjpeg.avi"), "mkv": partial(_videos, "vfr.mkv", "vp9.webm"),

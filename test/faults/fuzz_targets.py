@@ -16,10 +16,12 @@ import numpy as np
 
 from stab_ros.core.types import Frame
 from stab_ros.imaging.window import Window
+from stab_ros.io.attitude_message import ATTITUDE_TYPES, read_attitude
 from stab_ros.io.bag import Message, Topic, open_bag
 from stab_ros.io.camera_message import read_camera
 from stab_ros.io.cdr import COMPRESSED_IMAGE, IMAGE, Header, read_stamp
 from stab_ros.io.coded_message import CDR_DEFINITIONS, FFMPEG_PACKET, PROTOBUF_FIELDS, CodedImage
+from stab_ros.io.fix_message import read_fix
 from stab_ros.io.homographies import read_homographies
 from stab_ros.io.homography_message import read_homography
 from stab_ros.io.image_message import read_image
@@ -32,6 +34,8 @@ from stab_ros.io.stored_image import stored_images
 from stab_ros.io.tiff_pages import DamagedTiffError
 from stab_ros.io.video import VideoFile
 from stab_ros.io.video_pictures import VideoPictures
+from stab_ros.io.water_level_message import WATER_LEVEL_TYPES, read_water_level
+from stab_ros.jobs.telemetry import Telemetry, convert_telemetry
 from stab_ros.parameters.file import read_config
 
 Read = Callable[[bytes], object]
@@ -154,6 +158,32 @@ def _metadata(path: str) -> None:
     assert found.pictures >= 1
 
 
+def _fix(cdr: bytes) -> None:
+    fix = read_fix(cdr)
+    assert fix.fault or (abs(fix.latitude_deg) <= 90 and abs(fix.longitude_deg) <= 360)
+    assert fix.covariance_m2 is None or np.isfinite(fix.covariance_m2).all()
+
+
+def _attitude(data: bytes) -> None:
+    """A byte that chooses the type, and a message."""
+    attitude = read_attitude(data[1:], ATTITUDE_TYPES[data[0] % len(ATTITUDE_TYPES) if data else 0])
+    assert attitude.fault or abs(np.linalg.norm(attitude.map_q_body) - 1) < 1e-12
+
+
+def _water_level(data: bytes) -> None:
+    """A byte that chooses the type, and a message."""
+    level = read_water_level(data[1:], WATER_LEVEL_TYPES[data[0] % len(WATER_LEVEL_TYPES) if data else 0], 0)
+    assert level.fault or np.isfinite(level.wse_m)
+
+
+def _telemetry(path: str) -> None:
+    """What is written can be read, and is said in whole lines."""
+    done = convert_telemetry(Telemetry((Path(path),), Path("output.mcap"), force=True), lambda done, total: None)
+    assert all(len(line.splitlines()) == 1 for line in (*done.notes, *done.warnings)), done
+    with open_bag(Path("output.mcap")) as reader:
+        assert sum(1 for _ in reader.messages()) == sum(done.counts.values())
+
+
 def _text(read: Callable[[str], object]) -> Read:
     return lambda data: read(data.decode(errors="surrogateescape"))
 
@@ -168,6 +198,15 @@ _YAML = (*_NUMBERS, b"&a ", b"*a", b"<<: *x", b"!!binary", b"!!timestamp x", b"!
          b"|\n ", b"---\n", b"%YAML 9.9\n", b"{", b"[" * 999, b"{a: " * 999, b"~", b"ros__parameters", b"/**",
          b"\n  ", b"\t", b"'", b'"\\x', b"# ", b"roi", b"min_inliers", b"0b_", b"0o9", b"=", b"\xc2\x85",
          b"\xe2\x80\xa8", b"[a, {b: c}]", b"qos_overrides.")
+
+_SRT = (*_NUMBERS, b"[", b"]", b"(", b")", b"[latitude: ", b"[longtitude : ", b"GPS(", b"G.PRY (", b"\xb0", b",", b"\n",
+        b" --> ", b"00:00:01,000 --> 00:00:02,000\n", b"99:99:99,999", b"2022-02-30 10:00:00,1,2",
+        b"9999-12-31 24:60:60", b"0001-01-01 00:00:00", b"rel_alt: ", b"gb_yaw: ", b"N/A", b"\xff\xfe", b"\x00", b"1\n",
+        b"M", b": ", b"=")
+_POS = (*_NUMBERS, b"%", b"GPST", b"UTC", b"JST", b"latitude(deg)", b"latitude(d'\")", b"x-ecef(m)", b"height(m)", b",",
+        b"\t", b"\n", b"Q", b"sdn(m)", b"2401 604800.0", b"9999/12/31 23:59:60.999", b"0001/01/01 00:00:00", b"Tokyo")
+_TABLE = (*_CSV, b";", b"\t", b"time", b"latitude", b"lon", b"datetime(utc)", b"qx", b"(feet)", b"[rad]", b"_ms",
+          b"23:59:59", b"00:00:00", b"2022-08-07T12:00:00+99:99", b"1e17", b"-1e17", b"9999-12-31 23:59:59", b"sep=;")
 
 TARGETS: dict[str, Target] = {
     "image": Target(_image(IMAGE), 150),
@@ -187,6 +226,12 @@ TARGETS: dict[str, Target] = {
     "camera": Target(read_camera, 90),
     "homography": Target(read_homography, 70),
     "stamp": Target(read_stamp, 40),
+    "fix": Target(_fix, 30),
+    "attitude": Target(_attitude, 30),
+    "water_level": Target(_water_level, 10),
+    "srt": Target(_file("input.srt", _telemetry), 40, _SRT),
+    "pos": Target(_file("input.pos", _telemetry), 40, _POS),
+    "table": Target(_file("input.csv", _telemetry), 40, _TABLE),
     "mcap": Target(_file("input.mcap", _bag), 180),
     "ros1_mcap": Target(_file("input.mcap", _bag), 5),
     "db3": Target(_file("input.db3", _bag), 30),

@@ -21,7 +21,7 @@ def test_ten_thousand_damaged_inputs() -> None:
     done = run("--inputs", INPUTS, "--seed", SEED)
     assert done.returncode == 0, done.stdout + done.stderr
     rows = {words[0]: int(words[1]) for line in done.stdout.splitlines()[1:-1] for words in [line.split()]}
-    assert len(rows) == 31
+    assert len(rows) == 37
     assert sum(rows.values()) == pytest.approx(INPUTS, abs=20)
 
 

@@ -51,11 +51,13 @@ class GroundPictures:
         return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA))
 
     def _through_lens(self, view: View, wide: tuple[int, int], pixel_H_wide: Homography, H: Homography) -> Gray:
-        x, y = np.meshgrid(np.arange(wide[0], dtype=float), np.arange(wide[1], dtype=float))
-        pixels = np.stack([x.ravel(), y.ravel()], axis=1) @ pixel_H_wide[:2, :2].T + pixel_H_wide[:2, 2]
+        """The lens is computed at every 16th pixel, and cubic between them."""
+        x, y = (np.arange(0, n + 32, 16) - 16.0 for n in wide)
+        grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) @ pixel_H_wide[:2, :2].T + pixel_H_wide[:2, 2]
         K = view.camera.K
-        straight = cv2.undistortPointsIter(pixels[:, None], K, view.camera.D, np.eye(3), K,
-                                           (cv2.TERM_CRITERIA_COUNT, 20, 0))[:, 0]
-        places = np.column_stack([straight, np.ones(len(straight))]) @ H.T
-        maps = (places[:, :2] / places[:, 2:]).astype(np.float32).reshape(wide[1], wide[0], 2)
+        straight = (view.camera.rays(grid) @ K[:2, :2].T + K[:2, 2]).astype(np.float32).reshape(len(y), len(x), 2)
+        at_x, at_y = np.meshgrid(*((np.arange(n, dtype=np.float32) + 16) / 16 for n in wide))
+        pixels = cv2.remap(straight, at_x, at_y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        places = pixels @ H[:, :2].T + H[:, 2]
+        maps = (places[..., :2] / places[..., 2:]).astype(np.float32)
         return np.asarray(cv2.remap(self.texture, maps, None, cv2.INTER_LINEAR))

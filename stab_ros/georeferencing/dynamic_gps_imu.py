@@ -1,0 +1,102 @@
+"""`dynamic_gps_imu`: sensors place every frame, without control points (Perks 2020, section 2.2.1).
+
+Where homographies are known too, both are fused: they tell relative motion without jitter, the sensors where it begins.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from stab_ros.core.types import FloatArray
+from stab_ros.georeferencing.fusion import Fused, Fusion, FusionSettings
+from stab_ros.georeferencing.interpolation import Limits
+from stab_ros.georeferencing.orientation import Answer, Unplaced
+from stab_ros.georeferencing.placement import Sighting
+from stab_ros.georeferencing.pose_track import Mounting, PosePrior, PoseTrack
+from stab_ros.georeferencing.posed import placed
+from stab_ros.georeferencing.sensor_checks import check_view
+from stab_ros.georeferencing.sensor_watch import SensorWatch
+from stab_ros.georeferencing.sensors import Sensors
+from stab_ros.georeferencing.settings import GeoreferenceConfig, numbers_of
+from stab_ros.imaging.camera import Camera
+from stab_ros.imaging.pose import Pose
+
+KnownPose = tuple[Pose, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class _Told:
+    """What is told of a pose. covariance: (6, 6). warnings: one line each. innovation: as of `Fused`."""
+
+    pose: Pose
+    covariance: FloatArray | None
+    warnings: tuple[str, ...] = ()
+    innovation: float = math.nan
+
+
+class DynamicGpsImu:
+    """The pose of each frame is that between the samples of the sensors before and after it."""
+
+    needs_motion = False
+    needs_sensors = True
+
+    def __init__(self, config: GeoreferenceConfig, camera: Camera, sensors: Sensors,
+                 first: KnownPose | None = None) -> None:
+        """Prepares for a stream.
+
+        Args:
+            config: the settings.
+            camera: that takes the images.
+            sensors: whose samples grow with the stream.
+            first: pose of the first frame by control points, and its covariance (6, 6); None: there are none.
+        """
+        yaw, pitch, roll = numbers_of("mount_rad", config.mount_rad, 3)
+        mounting = Mounting.of_angles(numbers_of("lever_arm_m", config.lever_arm_m, 3), yaw, pitch, roll)
+        limits = Limits(config.sensor_timeout_s, min(Limits.extrapolation_s, config.sensor_timeout_s))
+        self._config, self._camera, self._sensors, self._first = config, camera, sensors, first
+        self._track = PoseTrack(sensors.positions, sensors.attitudes, mounting, limits, False, config.position_sigma_m,
+                                config.attitude_sigma_rad)
+        ground_m = config.wse_m + config.ground_above_wse_m
+        self._fusion = Fusion(camera, FusionSettings(ground_m, config.sensor_slow_share))
+        self._watch = SensorWatch(camera, self._track, ground_m)
+        self._moving = False  # whether a homography has come
+
+    def place(self, sighting: Sighting) -> Answer:
+        """Places a frame by the samples around it, and by its homography."""
+        self._watch.add(sighting)
+        prior = self._track.pose_at(sighting.stamp_ns)
+        upwards = None if isinstance(prior, Unplaced) else check_view(prior)
+        if upwards is not None:
+            return Unplaced(upwards)
+        told = self._told(sighting, prior)
+        if isinstance(told, Unplaced):
+            return told
+        values = self._sensors.staleness_s(sighting.stamp_ns) | self._watch.values
+        if isinstance(prior, PosePrior):
+            values |= {"position_interval_s": prior.position_interval_s}
+        if math.isfinite(told.innovation):
+            values["innovation"] = told.innovation
+        return placed(self._camera, told.pose, told.covariance, sighting.wse_m, sighting.wse_sigma_m, values,
+                      (*told.warnings, *self._doubts(), *self._watch.warnings))
+
+    def _told(self, sighting: Sighting, prior: PosePrior | Unplaced) -> _Told | Unplaced:
+        """The pose by the sensors alone, until there are homographies to fuse them with."""
+        self._moving = self._moving or (self._config.fuse_homographies and sighting.ref_H_cur is not None)
+        if not self._moving:
+            return prior if isinstance(prior, Unplaced) else _Told(prior.pose, prior.covariance)
+        seen, self._first = self._first, None
+        fused = self._fusion.update(sighting, None if isinstance(prior, Unplaced) else prior, seen)
+        if not isinstance(fused, Fused):
+            return prior if isinstance(prior, Unplaced) else fused
+        lost = () if isinstance(prior, PosePrior) else (f"by homographies alone: {prior.reason}",)
+        return _Told(fused.pose, fused.covariance, (*fused.warnings, *lost), fused.innovation)
+
+    def _doubts(self) -> tuple[str, ...]:
+        """Samples without covariance are said, as the sigma of the settings then stands for theirs."""
+        positions, attitudes = self._sensors.positions, self._sensors.attitudes
+        first = (("positions", "position_sigma_m", positions and positions[0].covariance_m2 is None),
+                 ("attitudes", "attitude_sigma_rad", attitudes and attitudes[0].covariance_rad2 is None))
+        return tuple(f"{what} come without covariance, {name} stands for it" for what, name, missing in first
+                     if missing)
+

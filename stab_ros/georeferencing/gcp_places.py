@@ -1,0 +1,83 @@
+"""Control points in the map: from the coordinates of a survey to east, north, up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stab_ros.core.errors import InputError
+from stab_ros.core.geometry import inside
+from stab_ros.core.types import FloatArray
+from stab_ros.georeferencing.control_points import ControlPoints
+from stab_ros.georeferencing.local_frame import LOCAL, LocalFrame, crs_doubt
+
+WGS84 = "EPSG:4326"
+_LIKE_A_GRID = 20_000.0  # coordinates above it are those of a projected system
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedPoints:
+    """Control points in the map.
+
+    Attributes:
+        points: of the map.
+        crs: the reference system of the survey, "EPSG:nnnn" or "local".
+        frame: the map's place on the earth; None for "local".
+        doubts: about the coordinates, one line each.
+    """
+
+    points: ControlPoints
+    crs: str
+    frame: LocalFrame | None
+    doubts: tuple[str, ...] = ()
+
+
+def placed(names: tuple[str, ...], image_px: FloatArray, places: FloatArray, crs: str | None, *,
+           geographic: bool = False, frame: LocalFrame | None = None, level_m: float | None = None) -> PlacedPoints:
+    """Puts surveyed points into the map.
+
+    Args:
+        names: of each.
+        image_px: (N, 2).
+        places: (N, 3), easting, northing, height, or longitude, latitude, height; a height may be NaN.
+        crs: "EPSG:nnnn", "local", or None: WGS 84 for latitudes and longitudes, else local.
+        geographic: whether `places` are longitudes and latitudes.
+        frame: the map; None: one whose origin lies amid the points, at height 0, so that up is the height as surveyed.
+        level_m: height of points without one.
+
+    Raises:
+        InputError: the reference system is unknown, or coordinates do not fit it.
+    """
+    name = str(crs or (WGS84 if geographic else LOCAL))
+    if geographic and name.lower() == LOCAL:
+        raise InputError(f"latitudes and longitudes are not local, their reference system must be {WGS84} or another")
+    heights = np.where(np.isfinite(places[:, 2]), places[:, 2], 0.0 if level_m is None else level_m)
+    full = np.column_stack([places[:, :2], heights])
+    doubts = _doubts(name, full)
+    if level_m is None and not np.isfinite(places[:, 2]).all():
+        doubts.append("points without a height are taken to lie at 0 m; give the water surface elevation")
+    if name.lower() == LOCAL:
+        return PlacedPoints(ControlPoints(names, image_px, full), LOCAL, None, tuple(doubts))
+    frame = frame or LocalFrame.at(name, np.append(full[:, :2].mean(axis=0), 0.0))
+    return PlacedPoints(ControlPoints(names, image_px, frame.from_crs(name, full)), name, frame, tuple(doubts))
+
+
+def check_inside(points: ControlPoints, size: tuple[int, int]) -> None:
+    """Raises InputError for a point outside an image of `size` (width, height)."""
+    outside = np.flatnonzero(~inside(points.image_px, size)).tolist()
+    if outside:
+        x, y = points.image_px[outside[0]]
+        others = f", and {len(outside) - 1} more" if len(outside) > 1 else ""
+        raise InputError(f"control point {points.names[outside[0]]!r} at ({x:g}, {y:g}){others} lies outside the "
+                         f"{size[0]}x{size[1]} picture; it must be marked in a picture of this size")
+
+
+def _doubts(name: str, places: FloatArray) -> list[str]:
+    if name.lower() != LOCAL:
+        doubt = crs_doubt(name)
+        return [doubt] if doubt else []
+    if np.abs(places[:, :2]).max() < _LIKE_A_GRID:
+        return []
+    return [f"coordinates as {places[0, 0]:.9g}, {places[0, 1]:.9g} look like those of a projected reference system "
+            "whose EPSG code is not given: they are taken for local metres"]
