@@ -55,7 +55,8 @@ def seen_pose(reach: Reach, k: int, rng: np.random.Generator) -> tuple[Pose, Flo
         return np.asarray((View(CAMERA, turned(start, change)).project(GCPS_M[chosen]) - pixels).ravel())
 
     found = least_squares(off, np.zeros(6), x_scale=[1, 1, 1, 0.02, 0.02, 0.02])
-    return turned(start, found.x), GCP_PX**2 * np.linalg.inv(found.jac.T @ found.jac)
+    J = np.asarray(found.jac, float)
+    return turned(start, found.x), GCP_PX**2 * np.linalg.inv(J.T @ J)
 
 
 def by_sensors(reach: Reach) -> Iterator[Homography | None]:

@@ -32,11 +32,13 @@ from stab_ros.georeferencing.plane_points import PlanePoints
 from stab_ros.georeferencing.plane_pose import pose_of_plane
 from stab_ros.georeferencing.pose_track import PosePrior
 from stab_ros.georeferencing.posed import turned
+from stab_ros.georeferencing.small_matrices import inverse, solved
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.pose import Pose
 
 _ITERATIONS = 2  # of the least squares of a frame; they start within some sigmas
 _LEAST_M = 1e-9  # a sigma below is that of the reference itself
+_SUREST: FloatArray = np.diag(np.repeat([1e-3, 1e-5], 3) ** 2)  # covariance that no sensor falls below, m^2 and rad^2
 _FALLEN = 0.5  # of the sigma before: the stabiliser is back at a better known keyframe
 
 
@@ -131,12 +133,13 @@ class Fusion:
         Returns:
             The pose; or why it is not known, in one line.
         """
-        if prior is not None and prior.covariance is None:
-            return Unplaced("the sensors tell no covariance, give position_sigma_m and attitude_sigma_rad")
+        doubt = None if prior is None else _doubt(prior.covariance)
+        if doubt is not None:
+            return Unplaced(doubt)
         interval_s = 0.0 if self._last_ns is None else (sighting.stamp_ns - self._last_ns) / 1e9
         self._last_ns = sighting.stamp_ns
         sensors = None if prior is None else self._of_sensors(prior, interval_s)
-        control = None if seen is None else _Observation(*seen, np.zeros((6, 6)))
+        control = None if seen is None else _Observation(seen[0], seen[1] + _SUREST, np.zeros((6, 6)))
         if sighting.reset_counter != self._reset_counter:
             self._state, self._reset_counter, self._own_m = None, sighting.reset_counter, math.inf
         if sighting.ref_H_cur is None:
@@ -172,7 +175,7 @@ class Fusion:
         innovation = math.nan if sensors is None else self._innovation(ahead, noise, sensors)
         if sensors is None or not innovation > chi2.isf(self.settings.unlikely, 8):
             self._contradicted_ns = None if sensors is not None else self._contradicted_ns
-            return self._solved(ahead, np.linalg.inv(ahead.P), noise, observed, self._start_pose(ahead), innovation)
+            return self._solved(ahead, inverse(ahead.P), noise, observed, self._start_pose(ahead), innovation)
         warning = ("sensors and homographies contradict each other: "
                    f"{math.sqrt(innovation / 8):.1f} times as far apart as their sigmas say")
         if self._is_over(sighting.stamp_ns):
@@ -194,7 +197,7 @@ class Fusion:
 
     def _predicted(self, state: _State, sighting: Sighting, ref_H_cur: Homography) -> tuple[_State, FloatArray]:
         """The state carried to this frame, and the noise (8, 8) of its registration, m^2."""
-        c, F = state.points.carried(state.x[:8], np.linalg.inv(state.ref_H_cur) @ ref_H_cur)
+        c, F = state.points.carried(state.x[:8], inverse(state.ref_H_cur) @ ref_H_cur)
         kept = self._kept(sighting.stamp_ns - state.stamp_ns)
         transition = np.zeros((14, 14))
         transition[:8, :8], transition[8:, 8:] = F, np.diag(kept)
@@ -231,7 +234,7 @@ class Fusion:
 
         information: (14, 14), inverse covariance of c and b before.
         """
-        weight = np.linalg.inv(noise)
+        weight = inverse(noise)
         for _ in range(_ITERATIONS):
             placed = state.points.of_pose(pose, self.settings.plane_m)
             if placed is None:
@@ -240,9 +243,9 @@ class Fusion:
             N, g = _observing(state.x[8:], pose, observed)
             N += seen_from.T @ weight @ seen_from
             N[:14, :14] += information
-            step = np.linalg.solve(N, g - seen_from.T @ weight @ (state.x[:8] - placed[0]))
+            step = solved(N, g - seen_from.T @ weight @ (state.x[:8] - placed[0]))
             pose = turned(pose, step[14:])
-        covariance = np.linalg.inv(N)
+        covariance = inverse(N)
         self._state = replace(state, x=state.x + step[:14], P=covariance[:14, :14])
         return Fused(pose, covariance[14:, 14:], innovation)
 
@@ -257,9 +260,9 @@ class Fusion:
             x, P = kept * self._state.x[8:], kept[:, None] * self._state.P[8:, 8:] * kept + np.diag(1 - kept**2)
         for _ in range(_ITERATIONS):
             N, g = _observing(x, pose, observed)
-            N[8:14, 8:14] += np.linalg.inv(P)
-            pose = turned(pose, np.linalg.solve(N[8:, 8:], g[8:])[6:])
-        return Fused(pose, np.linalg.inv(N[8:, 8:])[6:, 6:])
+            N[8:14, 8:14] += inverse(P)
+            pose = turned(pose, solved(N[8:, 8:], g[8:])[6:])
+        return Fused(pose, inverse(N[8:, 8:])[6:, 6:])
 
     def _innovation(self, state: _State, noise: FloatArray, sensors: _Observation) -> float:
         """Squared Mahalanobis distance of the points as seen from the sensors' pose to where they are expected."""
@@ -270,7 +273,7 @@ class Fusion:
         H = np.concatenate([np.eye(8), J @ sensors.L], axis=1)
         S = H @ state.P @ H.T + J @ sensors.covariance @ J.T + noise
         off = c - H @ state.x
-        return float(off @ np.linalg.solve(S, off))
+        return float(off @ solved(S, off))
 
     def _start_pose(self, state: _State) -> Pose:
         return pose_of_plane(self.camera, state.points.homography(state.x[:8]), self.settings.plane_m)
@@ -282,11 +285,20 @@ class Fusion:
 
     def _of_sensors(self, prior: PosePrior, interval_s: float) -> _Observation:
         """The sensors' pose; its white errors count for more where several frames share the samples."""
-        covariance = np.zeros((6, 6)) if prior.covariance is None else prior.covariance
+        covariance = _SUREST if prior.covariance is None else prior.covariance + _SUREST
         shared_s = np.repeat([prior.position_interval_s, prior.attitude_interval_s], 3)
         times = np.sqrt(np.maximum(1.0, shared_s / interval_s)) if interval_s > 0 else np.ones(6)
         L = math.sqrt(self.settings.slow_share) * np.linalg.cholesky(covariance)
         return _Observation(prior.pose, (1 - self.settings.slow_share) * covariance * np.outer(times, times), L)
+
+
+def _doubt(covariance: FloatArray | None) -> str | None:
+    """Why a covariance (6, 6) of the sensors' pose cannot be used."""
+    if covariance is None:
+        return "the sensors tell no covariance, give position_sigma_m and attitude_sigma_rad"
+    if not np.linalg.eigvalsh(covariance + _SUREST)[0] > 0:
+        return "the covariance of the sensors is not positive definite, none has such errors"
+    return None
 
 
 def _observing(b: FloatArray, pose: Pose, observed: list[_Observation]) -> tuple[FloatArray, FloatArray]:
@@ -294,7 +306,7 @@ def _observing(b: FloatArray, pose: Pose, observed: list[_Observation]) -> tuple
     N, g = np.zeros((20, 20)), np.zeros(20)
     for one in observed:
         M = np.concatenate([np.zeros((6, 8)), one.L, np.eye(6)], axis=1)
-        weight = np.linalg.inv(one.covariance)
+        weight = inverse(one.covariance)
         N += M.T @ weight @ M
         g += M.T @ weight @ (_change(pose, one.pose) - one.L @ b)
     return N, g

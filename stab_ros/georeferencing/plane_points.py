@@ -13,6 +13,7 @@ import numpy as np
 from stab_ros.core.geometry import apply, jacobian, normalized, point_jacobian
 from stab_ros.core.types import FloatArray, Homography
 from stab_ros.georeferencing.pose_track import cross_matrix
+from stab_ros.georeferencing.small_matrices import inverse, solved
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.pose import Pose
 
@@ -30,7 +31,7 @@ class PlanePoints:
     @staticmethod
     def of_view(camera: Camera, pose: Pose) -> PlanePoints | None:
         """Near the corners of the image, or lower where those are too near to the horizon; None: all are."""
-        (width, height), k_inv = camera.size, np.linalg.inv(camera.K)
+        (width, height), k_inv = camera.size, inverse(camera.K)
         for top in (_INSET, 0.3, 0.5, 0.7):
             shares = np.array([[_INSET, top], [1 - _INSET, top], [1 - _INSET, 1 - _INSET], [_INSET, 1 - _INSET]])
             pixels = shares * [width - 1, height - 1]
@@ -65,19 +66,19 @@ class PlanePoints:
         A = np.zeros((8, 8))
         A[0::2, 0:3] = A[1::2, 3:6] = ones
         A[:, 6:] = -v.reshape(8, 1) * np.repeat(u, 2, axis=0)
-        H = np.append(np.linalg.solve(A, v.ravel()), 1.0).reshape(3, 3) @ to_unit
+        H = np.append(solved(A, v.ravel()), 1.0).reshape(3, 3) @ to_unit
         H[:2] += np.outer(middle, H[2])
         return normalized(H)
 
     def carried(self, places_m: FloatArray, before_H_now: Homography) -> tuple[FloatArray, FloatArray]:
         """Places (8,) of the points in a later frame, and their derivative (8, 8) by those in an earlier one."""
         H, seen_before = self.homography(places_m), apply(before_H_now, self.pixels)
-        F = np.linalg.solve(jacobian(H, self.pixels).reshape(8, 8).T, jacobian(H, seen_before).reshape(8, 8).T).T
+        F = solved(jacobian(H, self.pixels).reshape(8, 8).T, jacobian(H, seen_before).reshape(8, 8).T).T
         return apply(H, seen_before).ravel(), F
 
     def covariance(self, places_m: FloatArray, ref_H_cur: Homography, covariance: FloatArray) -> FloatArray:
         """Covariance (8, 8) of the places, m^2, from that of h00 .. h21 of ref_H_cur."""
-        map_H_ref = normalized(self.homography(places_m) @ np.linalg.inv(ref_H_cur))
+        map_H_ref = normalized(self.homography(places_m) @ inverse(ref_H_cur))
         in_reference = apply(ref_H_cur, self.pixels)
         J = (point_jacobian(map_H_ref, in_reference) @ jacobian(ref_H_cur, self.pixels)).reshape(8, 8)
         return np.asarray(J @ covariance @ J.T)

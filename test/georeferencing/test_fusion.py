@@ -185,6 +185,7 @@ def test_control_points_in_some_frames_hold_the_estimate() -> None:
         seen = (flight.poses[k], sure) if k in {30, 35} else None
         answer = fusion.update(sighting, prior_of(flight, k), seen)
         assert isinstance(answer, Fused)
+    assert isinstance(answer, Fused)
     off, alone = error(flight, 49, answer.pose), clean(slow=True)[49]
     assert off @ np.linalg.solve(answer.covariance, off) < 35
     assert np.trace(answer.covariance[:3, :3]) < 0.5 * np.trace(alone.covariance[:3, :3])
@@ -197,10 +198,23 @@ def test_what_is_not_known_is_said() -> None:
     unsure = fusion.update(first, replace(prior_of(flight, 0), covariance=None))
     assert isinstance(unsure, Unplaced)
     assert "give position_sigma_m" in unsure.reason
+    wrong = fusion.update(first, replace(prior_of(flight, 0), covariance=-np.eye(6)))
+    assert isinstance(wrong, Unplaced)
+    assert "not positive definite" in wrong.reason
     up = replace(prior_of(flight, 0), pose=Pose.of_angles(np.array([0, 0, 46.0]), 0, -1.5, 0))
     assert fusion.update(first, up) == Unplaced("the camera does not look down on the ground, by its sensors")
     assert fusion.update(replace(first, ref_H_cur=None), None) == Unplaced(
         "the frame is lost, and the sensors tell nothing of it")
+
+
+def test_sensors_that_claim_to_be_exact_are_taken() -> None:
+    flight = reach()
+    fusion = Fusion(CAMERA)
+    for k, sighting in enumerate(flight.sightings[:5]):
+        exact = replace(prior_of(flight, k), pose=flight.poses[k], covariance=np.zeros((6, 6)))
+        answer = fusion.update(sighting, exact)
+        assert isinstance(answer, Fused)
+        assert np.linalg.norm(error(flight, k, answer.pose)[:3]) < 0.005
 
 
 def test_four_points_are_a_homography() -> None:

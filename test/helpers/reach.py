@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from stab_ros.core.geometry import apply, inside, jacobian, normalized
-from stab_ros.core.types import Fit, FloatArray, Homography
+from stab_ros.core.types import Fit, FloatArray, Homography, IdArray
 from stab_ros.georeferencing.placement import Sighting
 from stab_ros.georeferencing.pose_track import Mounting, PoseTrack
 from stab_ros.georeferencing.samples import AttitudeSample, PositionSample
@@ -127,8 +127,8 @@ def checkpoints(length_m: float = 180.0) -> FloatArray:
     return np.column_stack([np.tile([-18.0, 14, -3, 22], len(north))[:len(north)], north, np.zeros(len(north))])
 
 
-def where_seen(view: View, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+def where_seen(view: View, points_m: FloatArray) -> tuple[IdArray, FloatArray]:
     """Indices (n,) of the points in the picture, and their pixels (n, 2)."""
     pixels = view.project(points_m)
     chosen = np.flatnonzero(np.isfinite(pixels).all(axis=1) & inside(np.nan_to_num(pixels, nan=-1.0), SIZE))
-    return chosen, pixels[chosen]
+    return np.asarray(chosen, np.int64), pixels[chosen]
