@@ -11,13 +11,14 @@ unexport PYTHONHOME PYTHONPATH LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTAT
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help install demo test test-fast check faults soak fuzz lies lint bench docs clean
+.PHONY: help install demo test thorough test-fast check faults soak fuzz lies lint bench docs clean
 .DELETE_ON_ERROR:
 
 help:
 	@echo "make demo    replay the recorded flight through the live nodes, show the result and its error; RATE=0.1: slower"
 	@echo "make check   while one works: lint, type check, and the tests that are quick"
-	@echo "make test    lint, type check and all tests but those of make faults"
+	@echo "make test    lint, type check and all tests but those of make faults and make thorough"
+	@echo "make thorough  the tests that take longest: the contract of rare methods, long flights"
 	@echo "make faults  what must be survived: killed nodes, full disks, hostile bytes, cut links (as root, all of it)"
 	@echo "make soak    an hour of 1080p at 25 frames/s: memory, latency, and every frame accounted for"
 	@echo "make fuzz    a million damaged inputs for every reader"
@@ -35,12 +36,15 @@ demo: $(INSTALLED)
 
 test: export ROS_PYTHON_CHECK_FIELDS := 1
 test: lint
-	$(PY) -m pytest -n 2 --dist loadfile --ignore test/faults
+	$(PY) -m pytest -n 2 --dist loadfile --ignore test/faults -m "not thorough"
+
+thorough: $(INSTALLED)
+	$(PY) -m pytest -n 2 --dist load --ignore test/faults -m thorough
 
 check: lint test-fast
 
 test-fast: $(INSTALLED)
-	$(PY) -m pytest -n 2 --dist loadfile --ignore test/faults -m "not (dds or big or slow)" -q
+	$(PY) -m pytest -n 2 --dist loadfile --ignore test/faults -m "not (dds or big or slow or thorough)" -q
 
 faults: export ROS_PYTHON_CHECK_FIELDS := 1
 faults: $(INSTALLED)

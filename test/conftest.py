@@ -40,6 +40,7 @@ _SLOW = {  # files with long flights, all methods at once, or whole reports
     "test_synthetic", "test_uncertainty",
 }
 _QUICK_METHODS = {"direct"}  # which stands for all methods while one works
+_USUAL_METHODS = {"direct", "klt", "sift", "akaze"}  # of the contract of methods in `make test`
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -51,7 +52,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.dds)
         if "shared_data" in fixtures:
             item.add_marker(pytest.mark.big)
-        if item.path.stem in _SLOW or parameters.get("method", "direct") not in _QUICK_METHODS:
+        method = parameters.get("method", "direct")
+        if item.path.stem == "test_contract" and method not in _USUAL_METHODS:
+            item.add_marker(pytest.mark.thorough)
+        if item.path.stem in _SLOW or method not in _QUICK_METHODS:
             item.add_marker(pytest.mark.slow)
 
 

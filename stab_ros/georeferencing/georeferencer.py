@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from stab_ros.core.errors import InputError
-from stab_ros.core.geometry import normalized
+from stab_ros.core.geometry import apply, normalized
 from stab_ros.core.gray import GreyRange, grey_range, to_gray
 from stab_ros.core.types import FloatArray, Frame, Homography, Image
 from stab_ros.georeferencing.control_points import ControlPoints
-from stab_ros.georeferencing.horizon import gsd_m, in_front, outline_m, sampled_pixels
+from stab_ros.georeferencing.horizon import gsd_m, sampled_pixels, shown_well
 from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.georeferencing.orientation import Answer, Orientation, Unplaced
 from stab_ros.georeferencing.ortho_grid import OrthoGrid
@@ -257,15 +257,14 @@ def make_grid(config: GeoreferenceConfig, map_H_image: Homography, camera: Camer
         map_H_image: (3, 3), from undistorted pixels of the frame to east and north, m.
         camera: that took it.
     """
-    pixels = sampled_pixels(camera)
-    seen = in_front(map_H_image, pixels)
-    if not seen.any():
+    pixels = shown_well(map_H_image, sampled_pixels(camera))
+    if not len(pixels):
         return None
-    resolution_m = config.resolution_m or float(np.median(gsd_m(map_H_image, pixels[seen])))
+    resolution_m = config.resolution_m or float(np.median(gsd_m(map_H_image, pixels)))
     if config.borders_m is not None:
         west, south, east, north = config.borders_m
         return OrthoGrid.covering(np.array([[west, south], [east, north]]), resolution_m)
-    outline = outline_m(map_H_image, pixels)
+    outline = apply(map_H_image, pixels)
     margin = config.margin_m * np.array([[-1.0, -1.0], [1.0, 1.0]])
     return OrthoGrid.covering(np.concatenate([outline.min(axis=0)[None], outline.max(axis=0)[None]]) + margin,
                               resolution_m)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stab_ros.core.geometry import apply, point_jacobian
+from stab_ros.core.geometry import point_jacobian
 from stab_ros.core.types import BoolArray, FloatArray, Homography
 from stab_ros.imaging.camera import Camera
 
@@ -44,8 +44,7 @@ def gsd_m(map_H_image: Homography, pixels: FloatArray) -> FloatArray:
     return longest
 
 
-def outline_m(map_H_image: Homography, pixels: FloatArray) -> FloatArray:
-    """Places (n, 2), east and north, m, of what pixels (N, 2) show no more than ten times coarser than the finest."""
+def shown_well(map_H_image: Homography, pixels: FloatArray) -> FloatArray:
+    """Those of pixels (N, 2) that show the plane no more than ten times coarser than the finest, (n, 2)."""
     gsd = gsd_m(map_H_image, pixels)
-    chosen = np.isfinite(gsd) & (gsd <= _COARSEST * gsd.min(initial=np.inf))
-    return apply(map_H_image, pixels[chosen])
+    return np.asarray(pixels[np.isfinite(gsd) & (gsd <= _COARSEST * gsd.min(initial=np.inf))])

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 
+from stab_ros.core.downscale import Downscaling
+from stab_ros.core.geometry import apply, grid, inside, point_jacobian
 from stab_ros.core.types import Homography, Image
 from stab_ros.georeferencing.horizon import with_positive_depth
 from stab_ros.imaging.camera import Camera
@@ -36,18 +40,36 @@ class Orthophotos:
             water plane, so also above the horizon.
         """
         H = with_positive_depth(ortho_H_image)
+        downscaling = Downscaling(_level(H, size, self._camera.size))
+        if downscaling.level:
+            image, H = downscaling.picture(image), H @ np.linalg.inv(downscaling.scale)
         if not self._camera.distorts and _in_front(H, size):
             return warp(image, H, size, self._interpolation, None, allocate=allocate)
-        x_px, y_px = self._tables_of(H, size)
+        x_px, y_px = self._tables_of(H, size, downscaling)
         result = allocate((size[1], size[0], *image.shape[2:]), image.dtype)
         cv2.remap(image, x_px, y_px, INTERPOLATION[self._interpolation], result, cv2.BORDER_CONSTANT)
         return result
 
-    def _tables_of(self, H: Homography, size: tuple[int, int]) -> RemapTables:
+    def _tables_of(self, H: Homography, size: tuple[int, int], downscaling: Downscaling) -> RemapTables:
         of = (H.tobytes(), size)
         if self._tables is None or self._of != of:
-            self._of, self._tables = of, self._camera.maps(H, size)
+            camera = self._camera.downscaled(downscaling) if downscaling.level else self._camera
+            self._of, self._tables = of, camera.maps(H, size)
         return self._tables
+
+
+def _level(ortho_H_image: Homography, size: tuple[int, int], image_size: tuple[int, int]) -> int:
+    """How often a picture is halved before it is mapped to a coarser grid, against aliasing.
+
+    So that half of what is seen of the picture is not finer than the grid.
+    """
+    image_H_ortho, places = np.linalg.inv(ortho_H_image), grid(size)
+    seen = places @ image_H_ortho[2, :2] + image_H_ortho[2, 2] > 0
+    seen[seen] = inside(apply(image_H_ortho, places[seen]), image_size)
+    if not seen.any():
+        return 0
+    areas = np.abs(np.linalg.det(point_jacobian(image_H_ortho, places[seen])))
+    return max(0, math.floor(math.log2(float(np.median(areas))) / 2))
 
 
 def _in_front(ortho_H_image: Homography, size: tuple[int, int]) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 
 from stab_ros.core.geometry import jacobian, normalized
 from stab_ros.core.types import FloatArray, Homography
-from stab_ros.georeferencing.horizon import gsd_m, in_front, sampled_pixels
+from stab_ros.georeferencing.horizon import gsd_m, in_front, sampled_pixels, shown_well
 from stab_ros.georeferencing.orientation import Answer, Unplaced
 from stab_ros.georeferencing.placement import Placement
 from stab_ros.imaging.camera import Camera
@@ -53,9 +53,10 @@ def placement(camera: Camera, map_H_image: Homography, covariance: FloatArray | 
     seen = in_front(map_H_image, pixels)
     if not seen.any():
         return Unplaced("the whole image lies above the horizon")
-    values = dict(values) | {"gsd_m": float(np.median(gsd_m(map_H_image, pixels[seen])))}
+    well = shown_well(map_H_image, pixels)
+    values = dict(values) | {"gsd_m": float(np.median(gsd_m(map_H_image, well)))}
     if covariance is not None:
-        values["sigma_m"] = float(np.median(sigma_m(map_H_image, covariance, pixels[seen])))
+        values["sigma_m"] = float(np.median(sigma_m(map_H_image, covariance, well)))
     warnings = warnings if seen.all() else (*warnings, HORIZON)
     return Placement(normalized(map_H_image), covariance, pose, pose_covariance, values, warnings)
 

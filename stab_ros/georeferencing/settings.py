@@ -51,7 +51,8 @@ class GeoreferenceConfig(Checked):
     gcp_patch_px: int = setting(
         31, "Side of the patches by which dynamic_gcps follows control points, in pixels, odd", 9, 201)
     resolution_m: float = setting(
-        0.0, "Side of a pixel of the orthophoto in metres; 0: the median ground sampling distance of the first frame",
+        0.0, "Side of a pixel of the orthophoto in metres; 0: the median ground sampling distance of what the first "
+        "frame shows well",
         0.0, 1000.0)
     extent: str = setting(
         "", "Borders of the orthophoto in the map, 'west, south, east, north' in metres; \"\": what the first placed "

@@ -16,7 +16,7 @@ from stab_ros.core.types import FloatArray, Homography
 
 _LEAST_FRAMES = 10
 _STEP_RAD = 1e-5  # of the numerical derivatives
-_MOST_SIGMAS, _LEAST_RAD = 4.0, math.radians(0.5)  # of a tilt that is warned of
+_MOST_SIGMAS, _LEAST_RAD = 4.0, math.radians(1)  # of a tilt that is warned of
 _LOOSE_RAD = math.radians(10)  # uncertainty above which nothing is known
 
 

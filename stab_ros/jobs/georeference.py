@@ -75,7 +75,7 @@ class Georeferencing:
 
     frames: int = 0
     unplaced: Counter[str] = field(default_factory=Counter)
-    doubts: Counter[str] = field(default_factory=Counter)
+    doubts: dict[str, tuple[str, int]] = field(default_factory=dict)  # the last of a kind, and of how many frames
     stream_doubts: tuple[str, ...] = ()
     undecoded: Counter[str] = field(default_factory=Counter)
     values: dict[str, float] = field(default_factory=dict)  # of the last placed frame
@@ -97,7 +97,9 @@ class Georeferencing:
         if placement is None or grid is None:
             self.unplaced[answer.reason] += 1
             return
-        self.doubts.update(placement.warnings)
+        for doubt in placement.warnings:
+            what = doubt.partition(":")[0]  # its figures may change from frame to frame
+            self.doubts[what] = (doubt, self.doubts.get(what, (doubt, 0))[1] + 1)
         self.values, self.grid_size, self.resolution_m = dict(placement.values), grid.size, grid.resolution_m
 
 
@@ -265,7 +267,7 @@ def _begun(job: Job, work: _Work, size: tuple[int, int]) -> Work:
 def _said(source: Source, result: Georeferencing) -> list[str]:
     """What is doubtful, and of how many frames."""
     said = list(result.stream_doubts)
-    said += [f"{source.name}: {doubt} ({count} of {result.frames} frames)" for doubt, count in result.doubts.items()]
+    said += [f"{source.name}: {doubt} ({count} of {result.frames} frames)" for doubt, count in result.doubts.values()]
     if result.undecoded:
         total = result.undecoded.total()
         said.append(f"{source.name}: {total} images of {source.image_topic} cannot be decoded and have no answer; "

@@ -26,7 +26,7 @@ from stab_ros.io.gcp_file import read_gcps
 from stab_ros.io.points import read_points, read_tracking_points
 from stab_ros.io.regions import read_area
 from stab_ros.io.static_maps import read_static_map
-from stab_ros.parameters.table import evaluator_config, georeference_config, stabilizer_config
+from stab_ros.parameters.table import GEOREFERENCE_PARAMETERS, evaluator_config, georeference_config, stabilizer_config
 from stab_ros.tracking.stabilizer import Stabilizer
 
 
@@ -73,6 +73,9 @@ def make_evaluator(values: Mapping[str, Value]) -> Evaluator:
     return Evaluator(evaluator_config(values), points, read_area(values))
 
 
+_WSE = GEOREFERENCE_PARAMETERS["wse_m"]
+
+
 def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size: tuple[int, int],
                        image_H_ref: Homography | None = None) -> Georeferencer:
     """Makes the engine of georeferencing from parameters.
@@ -91,8 +94,9 @@ def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size:
         InputError: a name is unknown, a value or a file is wrong, or the orientation needs what is not given.
     """
     file, remarks = camera_of(values, size)
-    if file is not None and file.wse_m is not None:
-        values = {"wse_m": file.wse_m, **values}
+    given = values.get("wse_m", _WSE.default) != _WSE.default
+    if file is not None and file.wse_m is not None and not given:
+        values = {**values, "wse_m": file.wse_m}
     config = georeference_config(values)
     camera = camera if file is None else file.camera
     known = camera or uncalibrated(size)

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from stab_ros.georeferencing.horizon import gsd_m, in_front, outline_m
+from stab_ros.core.geometry import apply
+from stab_ros.georeferencing.horizon import gsd_m, in_front, shown_well
 from stab_ros.georeferencing.posed import map_H_image_of
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.pose import Pose
@@ -27,8 +28,9 @@ def test_pixels_are_in_front_exactly_where_rays_reach_the_plane(pitch_deg: float
     np.testing.assert_allclose(gsd_m(H, PIXELS)[near], view.gsd_m(PIXELS, 1.0)[near], rtol=1e-4)
 
 
-def test_the_outline_leaves_out_what_is_much_coarser() -> None:
+def test_what_is_much_coarser_is_left_out() -> None:
     view = View(CAMERA, Pose.of_angles(np.array([0.0, 0, 46]), 0.0, math.radians(10), 0.0))
-    outline = outline_m(map_H_image_of(CAMERA, view.pose, 0.0), PIXELS)
+    H = map_H_image_of(CAMERA, view.pose, 0.0)
+    outline = apply(H, shown_well(H, PIXELS))
     assert outline[:, 0].min() > 0
     assert outline[:, 0].max() < 46 / math.tan(math.radians(4))

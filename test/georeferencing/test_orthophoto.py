@@ -91,6 +91,21 @@ def test_a_still_camera_gives_the_same_picture_from_the_same_tables() -> None:
     assert (first == camera.rectify(image, H, (240, 180), cv2.INTER_LINEAR)).all()
 
 
+@pytest.mark.parametrize("lens", LENSES)
+def test_a_coarse_orthophoto_shows_means_and_no_moire(lens: str) -> None:
+    camera, ground = LENSES[lens], GroundPictures()
+    view = View(camera, _pose(90, 0.0))
+    map_H_image = map_H_image_of(camera, view.pose, 0.0)
+    rng = np.random.default_rng(2)
+    picture = np.clip(ground.seen_by(view) * 0.5 + rng.normal(60, 40, (540, 960)), 0, 255).astype(np.uint8)
+    fine, coarse = OrthoGrid(-12, 9, 0.1, 240, 180), OrthoGrid(-12, 9, 0.5, 48, 36)
+    photos = Orthophotos(camera, "linear")
+    image = photos.make(picture, fine.ortho_H_map @ map_H_image, fine.size)
+    means = image.reshape(36, 5, 48, 5).mean(axis=(1, 3))
+    shown = photos.make(picture, coarse.ortho_H_map @ map_H_image, coarse.size)
+    assert np.std(shown - means) < 8  # twice as much without
+
+
 def test_a_huge_grid_is_made_coarser_by_two() -> None:
     grid = OrthoGrid.covering(np.array([[0.0, 0], [2000, 1000]]), 0.05)
     assert grid.resolution_m == 0.2

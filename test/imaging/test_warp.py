@@ -168,7 +168,7 @@ def curve(height: int, most_px: float, seed: int = 0) -> RowShifts:
 @pytest.mark.parametrize(("deg", "tilt"), [(0.0, 0.0), (1.5, 2e-5), (90.0, 0.0)])
 def test_rows_are_put_back_as_when_each_row_is_looked_up(kind: str, deg: float, tilt: float) -> None:
     """Place by place: the row that shows it is found by bisection, then interpolated in double precision."""
-    size = (331, 203)
+    size = (171, 103)
     H, rows = turned(size, deg, 3.4, -2.6, 1.01, tilt), curve(size[1], 2.0)
     image = np.asarray(cv2.GaussianBlur(noise(size, kind), (0, 0), 2))
     made = warp(image, H, size, "linear", None, rows=rows)

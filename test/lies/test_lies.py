@@ -44,6 +44,7 @@ def test_no_flight_is_far_off_in_silence(kind: str, seed: int) -> None:
     assert [verdict for verdict in verdicts if verdict.said == GRAVE] == [], recipe
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("seed", "frames"), MISLEADING.items())
 def test_no_misleading_flight_is_far_off_in_silence(seed: int, frames: int) -> None:
     verdicts = judge(render(draw(seed, frames)), {})

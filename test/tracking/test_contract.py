@@ -154,7 +154,7 @@ def test_random_noise_is_lost(method: str, model: str) -> None:
 
 @every_method
 def test_noise_is_not_found_again_in_noise(method: str) -> None:
-    tracks = tracked(method, [random_noise(k) for k in range(15)])
+    tracks = tracked(method, [random_noise(k) for k in range(8)])
     assert all(track.state is State.LOST for track in tracks[1:])
 
 

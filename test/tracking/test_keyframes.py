@@ -32,7 +32,7 @@ def traverse(name: str, widths: float, seed: int = 1) -> Flight:
     return Flight(scene, SIZE, int(16 * (1.6 + 2 * AWAY_S + REST_S)), seed)
 
 
-@pytest.mark.parametrize("name", ["kolubara", "alpine"])
+@pytest.mark.parametrize("name", ["kolubara", pytest.param("alpine", marks=pytest.mark.thorough)])
 def test_a_traverse_of_three_widths_comes_back_to_the_truth(name: str) -> None:
     flight, stabilizer = traverse(name, 3.0), make_stabilizer(KEYFRAME)
     flown = fly(stabilizer, flight)

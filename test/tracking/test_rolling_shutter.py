@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -32,6 +33,7 @@ def place(number: int) -> Homography:
     return similarity(0.3 * np.sin(number / 5), 1.0, 2.5 * np.sin(number / 6), 1.5 * np.cos(number / 7) - 1.5)
 
 
+@functools.cache
 def swung(number: int, size_px: float) -> Gray:
     """The texture, looked at row by row: exact, without resampling a picture."""
     y, x = np.mgrid[: SIZE[1], : SIZE[0]].astype(float)
