@@ -17,7 +17,7 @@ from stab_ros.io.image_names import IMAGE_SUFFIXES, UNREAD_SUFFIXES
 from stab_ros.io.image_topic import TO_DO
 from stab_ros.io.rosbag2_folder import PART_SUFFIXES
 from stab_ros.io.telemetry import KINDS
-from stab_ros.io.telemetry_csv import ANGLES, LENGTHS, QUANTITIES, TIMES
+from stab_ros.io.telemetry_csv import QUANTITIES
 from stab_ros.io.video import VIDEO_SUFFIXES
 from stab_ros.io.video_decoder import DECODERS
 
@@ -138,6 +138,9 @@ geometry_msgs/QuaternionStamped on `gimbal`, the drone as sensor_msgs/Imu on `im
 |---|---|---|---|
 {telemetry}
 
+Of several files, `telemetry PPK.pos FLIGHT.srt OUTPUT.mcap`, positions are taken from the first that tells them, and \
+attitudes likewise.
+Subtitles inside a video: `ffmpeg -i FLIGHT.MP4 -map 0:s:0 FLIGHT.srt`.
 Text may be UTF-8, UTF-16 or of an old code page. Numbers may have decimal commas where those do not part columns.
 
 **Clock.** Stamps are those of the video's frames, 1 s + the time since the first one, where the file belongs to a \
@@ -164,7 +167,7 @@ first drones, are warned of.
 
 ### Columns of a table
 
-The first line names the columns, in any order and case, as `height_m`, `height (m)` or `Height [m]`; others are \
+The first line names the columns, in any order and case, as `height_m`, `Height (m)` or `height [m]`; others are \
 ignored. Needed are a time, and
 latitude and longitude or the angles or quaternion of an attitude. A time without a unit is taken by its size: \
 seconds since the first frame, or s,
@@ -190,11 +193,6 @@ Another size or depth is another camera. Each new reference is a warning with fr
 `reset_counter`, with
 `reset_reason`, in `H.csv` and `~/track`.
 """
-
-
-_QUANTITIES = {"latitude": ANGLES, "longitude": ANGLES, "height": LENGTHS, "above_takeoff": LENGTHS, "time": TIMES,
-               "sigma_east": LENGTHS, "sigma_north": LENGTHS, "sigma_up": LENGTHS, "gimbal_yaw": ANGLES,
-               "gimbal_pitch": ANGLES, "gimbal_roll": ANGLES, "yaw": ANGLES, "pitch": ANGLES, "roll": ANGLES}
 
 
 def _row(*cells: str) -> str:
@@ -234,8 +232,8 @@ def _telemetry() -> str:
 
 
 def _columns() -> str:
-    return "\n".join(_row(quantity.replace("_", " "), _names(names), _names(_QUANTITIES.get(quantity, ())))
-                     for quantity, names in QUANTITIES.items())
+    return "\n".join(_row(name.replace("_", " "), _names(quantity.names), _names(quantity.units))
+                     for name, quantity in QUANTITIES.items())
 
 
 if __name__ == "__main__":

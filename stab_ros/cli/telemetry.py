@@ -19,7 +19,8 @@ _MOST_S = 1e9  # 31 years
 def add(commands: Any) -> None:
     """The parser of this command."""
     parser = command(commands, "telemetry", "turn positions and attitudes of a drone into an MCAP bag")
-    parser.add_argument("input", type=Path, metavar="FLIGHT", help="a DJI .srt, an RTKLIB .pos or a .csv")
+    parser.add_argument("inputs", type=Path, nargs="+", metavar="FLIGHT", help="a DJI .srt, an RTKLIB .pos or a .csv; "
+                        "of several, positions are taken from the first that tells them, and attitudes likewise")
     parser.add_argument("output", type=Path, metavar="OUTPUT.mcap", help="the bag to write")
     parser.add_argument("--clock", choices=("video", "utc"), help="what stamps count: video, 1 s + the time since its "
                         "first frame (default where the file or --start tells that), or utc (default elsewhere)")
@@ -32,7 +33,7 @@ def add(commands: Any) -> None:
     parser.add_argument("--offset-s", type=_offset, default=0.0, metavar="S", help="added to all stamps")
     parser.add_argument("--home-height", type=finite, metavar="M", help="height of the place of take-off: take this "
                         "plus the height above it, in place of the height that the file tells")
-    parser.add_argument("--swap", action="store_true", help="the file has longitude for latitude, and the reverse")
+    parser.add_argument("--swap", action="store_true", help="the files have longitude for latitude, and the reverse")
     parser.add_argument("--namespace", type=namespace, default="/camera", metavar="NS",
                         help="of the topics (default /camera)")
     add_force(parser)
@@ -56,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
     timing = Timing(None if options.clock is None else TelemetryClock(options.clock),
                     None if options.start is None else utc_named(options.start, zone), options.fps,
                     round(options.offset_s * 1e9))
-    job = Telemetry(options.input, options.output, options.namespace, timing, zone, options.home_height,
+    job = Telemetry(tuple(options.inputs), options.output, options.namespace, timing, zone, options.home_height,
                     options.swap, options.force)
     with quiet_libraries(), progress_bar("moments") as progress:
         done = convert_telemetry(job, progress)

@@ -15,6 +15,8 @@ from stab_ros.georeferencing.orientation import Answer, Unplaced
 from stab_ros.georeferencing.placement import Sighting
 from stab_ros.georeferencing.pose_track import Mounting, PosePrior, PoseTrack
 from stab_ros.georeferencing.posed import placed
+from stab_ros.georeferencing.sensor_checks import check_view
+from stab_ros.georeferencing.sensor_watch import SensorWatch
 from stab_ros.georeferencing.sensors import Sensors
 from stab_ros.georeferencing.settings import GeoreferenceConfig, numbers_of
 from stab_ros.imaging.camera import Camera
@@ -55,23 +57,28 @@ class DynamicGpsImu:
         self._config, self._camera, self._sensors, self._first = config, camera, sensors, first
         self._track = PoseTrack(sensors.positions, sensors.attitudes, mounting, limits, False, config.position_sigma_m,
                                 config.attitude_sigma_rad)
-        self._fusion = Fusion(camera, FusionSettings(config.wse_m + config.ground_above_wse_m,
-                                                     config.sensor_slow_share))
+        ground_m = config.wse_m + config.ground_above_wse_m
+        self._fusion = Fusion(camera, FusionSettings(ground_m, config.sensor_slow_share))
+        self._watch = SensorWatch(camera, self._track, ground_m)
         self._moving = False  # whether a homography has come
 
     def place(self, sighting: Sighting) -> Answer:
         """Places a frame by the samples around it, and by its homography."""
+        self._watch.add(sighting)
         prior = self._track.pose_at(sighting.stamp_ns)
+        upwards = None if isinstance(prior, Unplaced) else check_view(prior)
+        if upwards is not None:
+            return Unplaced(upwards)
         told = self._told(sighting, prior)
         if isinstance(told, Unplaced):
             return told
-        values = self._sensors.staleness_s(sighting.stamp_ns)
+        values = self._sensors.staleness_s(sighting.stamp_ns) | self._watch.values
         if isinstance(prior, PosePrior):
             values |= {"position_interval_s": prior.position_interval_s}
         if math.isfinite(told.innovation):
             values["innovation"] = told.innovation
         return placed(self._camera, told.pose, told.covariance, sighting.wse_m, sighting.wse_sigma_m, values,
-                      (*told.warnings, *self._doubts()))
+                      (*told.warnings, *self._doubts(), *self._watch.warnings))
 
     def _told(self, sighting: Sighting, prior: PosePrior | Unplaced) -> _Told | Unplaced:
         """The pose by the sensors alone, until there are homographies to fuse them with."""

@@ -35,7 +35,7 @@ from stab_ros.georeferencing.posed import turned
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.pose import Pose
 
-_ITERATIONS = 3  # of the least squares of a frame; they start within some sigmas
+_ITERATIONS = 2  # of the least squares of a frame; they start within some sigmas
 _LEAST_M = 1e-9  # a sigma below is that of the reference itself
 _FALLEN = 0.5  # of the sigma before: the stabiliser is back at a better known keyframe
 

@@ -9,6 +9,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.io.bag_metadata import is_rosbag2
 from stab_ros.io.image_names import IMAGE_SUFFIXES, image_files, unread_kinds
 from stab_ros.io.rosbag2_folder import PART_SUFFIXES
+from stab_ros.io.telemetry import KINDS
 from stab_ros.io.video import VIDEO_SUFFIXES
 
 _BAG_SUFFIXES = (*PART_SUFFIXES, ".mcap.partial", ".bag")
@@ -37,8 +38,13 @@ def kind_of(path: Path) -> Kind:
         return Kind.BAG
     if name.endswith(VIDEO_SUFFIXES):
         return Kind.VIDEO
-    hint = "; for images give their folder" if name.endswith(IMAGE_SUFFIXES) else ""
-    raise InputError(f"{path}: cannot be read, the input must be {_KINDS}{hint}")
+    raise InputError(f"{path}: cannot be read, the input must be {_KINDS}{_hint(name)}")
+
+
+def _hint(name: str) -> str:
+    if name.endswith(tuple(KINDS)):
+        return "; `stab-ros telemetry` makes a bag of it, should it hold positions"
+    return "; for images give their folder" if name.endswith(IMAGE_SUFFIXES) else ""
 
 
 def check_input(path: Path) -> None:

@@ -13,9 +13,9 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import tzinfo
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pyproj import Transformer
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.progress import Progress
@@ -25,6 +25,10 @@ from stab_ros.io.date_time import GPS_EPOCH_NS, SECOND_NS, WEEK_NS, find_date, g
 from stab_ros.io.fix_message import FIX, GBAS_FIX, SBAS_FIX
 from stab_ros.io.telemetry_record import Record, Recorded
 
+if TYPE_CHECKING:
+    from pyproj import Transformer
+
+_DECIMALS_M = 1e-4
 _JST_NS = 9 * 3600 * SECOND_NS
 _QUALITIES = {1: ("fixed", GBAS_FIX), 2: ("float", GBAS_FIX), 3: ("SBAS", SBAS_FIX), 4: ("DGPS", GBAS_FIX),
               5: ("single", FIX), 6: ("PPP", SBAS_FIX)}
@@ -171,6 +175,8 @@ def _ecef(values: Sequence[str], layout: _Layout) -> tuple[float, float, float, 
 
 @functools.cache
 def _to_geodetic() -> Transformer:
+    from pyproj import Transformer
+
     return Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True)
 
 
@@ -200,4 +206,12 @@ def _covariance(values: Sequence[str], layout: _Layout, axes: Sequence[Sequence[
         deviations.append(float(values[at]) if at < len(values) else 0.0)
     xx, yy, zz, xy, yz, zx = (math.copysign(deviation**2, deviation) for deviation in deviations)
     C = np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]])
-    return C if C.any() and np.isfinite(C).all() else None
+    return _positive(C) if C.any() and np.isfinite(C).all() else None
+
+
+def _positive(C: FloatArray) -> FloatArray:
+    """The covariance itself; where it is none, as the file has but four decimals, the nearest one that they allow."""
+    variances, axes = np.linalg.eigh(C)
+    if variances[0] >= 0:
+        return C
+    return np.asarray(axes * np.maximum(variances, _DECIMALS_M**2) @ axes.T)

@@ -14,6 +14,7 @@ from stab_ros.io.attitude_message import ATTITUDE_TYPES, Attitude, read_attitude
 from stab_ros.io.bag import BagReader, Message, Topic, open_bag
 from stab_ros.io.cdr import IMU, NAV_SAT_FIX, QUATERNION_STAMPED
 from stab_ros.io.fix_message import Fix, read_fix
+from stab_ros.io.telemetry import KINDS
 from stab_ros.io.topics import FIX_TOPIC, GIMBAL_TOPIC, IMU_TOPIC, WATER_LEVEL_TOPIC
 from stab_ros.io.water_level_message import WATER_LEVEL_TYPES, WaterLevel, read_water_level
 
@@ -71,6 +72,8 @@ def read_sensors(path: Path, topics: SensorTopics | None = None) -> Sensors:
     Raises:
         InputError: the recording cannot be read; a topic is missing, of another type, or one of several.
     """
+    if path.suffix.lower() in KINDS:
+        raise InputError(f"{path}: is no recording, `stab-ros telemetry {path} OUTPUT.mcap` makes one of it")
     with open_bag(path) as reader:
         chosen = choose_topics(str(path), reader.topics, topics or SensorTopics())
         collected = _Collected(str(path))

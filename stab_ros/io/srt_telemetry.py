@@ -3,6 +3,7 @@
     [latitude: 41.424724] [longtitude: 2.234156] [rel_alt: 1.300 abs_alt: 132.860] [gb_yaw: -67.6 gb_pitch: -90.0 ...]
     GPS (-58.851745, -34.237922, 15), HOME (...), H 85.80m, F.PRY (2.7°, -7.0°, 110.1°), G.PRY (-24.4°, 0.0°, 110.4°)
     GPS(149.0251,-20.2533,16) BAROMETER:1.9          GPS(36.6146,-6.1120,0.0M) BAROMETER:0.3M
+    GPS(W: 121.7458, N: 48.0771, 17.20m), of Autel
 
 GPS holds longitude and latitude, the other way round where its third value has the unit M (Matrice 300), else that is
 the number of satellites. The angles are pitch, roll and yaw. DJI describes none of it; these are the variants of the
@@ -31,6 +32,7 @@ _GPS = re.compile(r"\b(?:GPS|RTK)\s*\(([^()\n]*)\)")
 _ANGLES = re.compile(r"\b([FG])\.PRY\s*\(([^()\n]*)\)")
 _HEIGHT = re.compile(rf"\b(?:H|(?:BAROMETER|Hb)\s*:)\s*({_NUMBER})\s*(?:m\b|M\b|\s)")
 _NUMBERS = re.compile(rf"{_NUMBER}(?![\d.])")
+_LETTERS = re.compile(r"\b([NSEW])\s*:")
 _METRES = re.compile(r"\d\s*M\s*$")
 _LATITUDE, _LONGITUDE = ("latitude", "lat"), ("longitude", "longtitude", "lon", "lng")
 _HEIGHTS, _ABOVE_TAKEOFF = ("abs_alt", "altitude", "alt"), ("rel_alt",)
@@ -62,26 +64,35 @@ def _record(block: Block, zone: tzinfo) -> Record:
     values = {name.lower(): _number(number) for inside in _BRACKETS.findall(text)
               for name, number in _VALUE.findall(inside)}
     angles = {kind: _triple(inside) for kind, inside in _ANGLES.findall(text)}
-    latitude, longitude = _first(values, _LATITUDE), _first(values, _LONGITUDE)
-    if math.isnan(latitude) and math.isnan(longitude):
-        latitude, longitude = _place(text)
+    place = _first(values, _LATITUDE), _first(values, _LONGITUDE), _first(values, _HEIGHTS)
+    if math.isnan(place[0]) and math.isnan(place[1]):
+        place = _place(text)
     height = _HEIGHT.search(text)
     above = _first(values, _ABOVE_TAKEOFF) if height is None else _number(height.group(1))
     return Record(
-        block.start_ns, utc_ns, latitude, longitude, _first(values, _HEIGHTS), above,
+        block.start_ns, utc_ns, *place, above,
         gimbal=_attitude(values, _GIMBAL, angles.get("G")), body=_attitude(values, _BODY, angles.get("F")))
 
 
-def _place(text: str) -> tuple[float, float]:
-    """Latitude and longitude of GPS(...)."""
+def _place(text: str) -> tuple[float, float, float]:
+    """Latitude, longitude and, of Autel's drones, height of GPS(...)."""
     found = _GPS.search(text)
-    if found is None:
-        return math.nan, math.nan
-    numbers = _numbers(found.group(1))
+    inside = "" if found is None else found.group(1)
+    numbers, letters = _numbers(inside), _LETTERS.findall(inside)
     if len(numbers) < 2:
-        return math.nan, math.nan
+        return math.nan, math.nan, math.nan
+    if letters:
+        return _lettered(numbers, letters)
     first, second = numbers[:2]
-    return (first, second) if _METRES.search(found.group(1)) else (second, first)
+    return (first, second, math.nan) if _METRES.search(inside) else (second, first, math.nan)
+
+
+def _lettered(numbers: list[float], letters: list[str]) -> tuple[float, float, float]:
+    """A place with the letters of the compass before its numbers; none where they do not fit."""
+    degrees = {letter: -number if letter in "SW" else number for letter, number in zip(letters, numbers, strict=False)}
+    latitude = degrees.get("N", degrees.get("S", math.nan))
+    longitude = degrees.get("E", degrees.get("W", math.nan))
+    return latitude, longitude, numbers[2] if len(numbers) > 2 else math.nan
 
 
 def _numbers(text: str) -> list[float]:

@@ -32,8 +32,9 @@ KINDS: Mapping[str, TelemetryKind] = MappingProxyType({
                           "body", "time codes since the first frame; some have dates, in a zone that is not told"),
     ".pos": TelemetryKind("solutions of RTKLIB", read_pos, "positions with covariance, as degrees, degrees-minutes-"
                           "seconds or ECEF", "GPST (leap seconds are taken off), UTC or JST, as the header says"),
-    ".csv": TelemetryKind("a table, also of Airdata", read_csv, "what its first line names: positions, standard "
-                          "deviations, angles or a quaternion", "seconds since the first frame, since 1970, or dates"),
+    ".csv": TelemetryKind("a table, also of Airdata or DatCon", read_csv, "what its first line names: positions, "
+                          "standard deviations, angles or a quaternion",
+                          "seconds since the first frame, since 1970, or dates"),
 })
 TELEMETRY = "a DJI .srt, an RTKLIB .pos or a .csv"
 

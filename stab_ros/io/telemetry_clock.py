@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import statistics
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -10,6 +10,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.io.date_time import SECOND_NS
 from stab_ros.io.telemetry_record import Record, Recorded
 
+_YOUNG = 0.99  # share of dates of whole seconds that are older than the one that is taken
 _DRIFT_S = 1.0  # by which dates and times since the start may differ at the end
 
 
@@ -84,6 +85,15 @@ def _on_frame(time_ns: int, fps: float | None) -> int:
     return time_ns if fps is None else round(round(time_ns * fps / SECOND_NS) * SECOND_NS / fps)
 
 
+def _common(starts_ns: Sequence[int], recorded: Recorded) -> int:
+    """The start that dates beside times since the start tell.
+
+    Dates of whole seconds are up to a second old: those that have just begun tell it, up to outliers.
+    """
+    whole = all(record.utc_ns is None or record.utc_ns % SECOND_NS == 0 for record in recorded.records)
+    return sorted(starts_ns)[int(len(starts_ns) * (_YOUNG if whole else 0.5))]
+
+
 def _origin(recorded: Recorded, timing: Timing) -> tuple[int | None, list[str]]:
     """The UTC time from which times since the start count, as --start or else the dates beside them tell it."""
     both = [record.utc_ns - record.since_start_ns for record in recorded.records
@@ -93,6 +103,6 @@ def _origin(recorded: Recorded, timing: Timing) -> tuple[int | None, list[str]]:
     if not both:
         return None, []
     drift_s = (both[-1] - both[0]) / SECOND_NS
-    return round(statistics.median(both)), (
+    return _common(both, recorded), (
         [f"its dates and its time codes differ by {drift_s:+.1f} s more at the end than at the beginning"]
         if abs(drift_s) > _DRIFT_S else [])

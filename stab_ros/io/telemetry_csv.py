@@ -1,17 +1,17 @@
 """Telemetry in a table (.csv): one row a moment, the first line names the columns and their units.
 
-A name is as `latitude`, `height_m`, `time (ms)` or `gimbal_pitch(degrees)`, as in the tables of Airdata; QUANTITIES has
-all that are known, others are ignored. Between cells are commas, semicolons or tabs; numbers may have decimal commas.
+A name is as `latitude`, `height_m`, `time (ms)` or `gimbal_pitch(degrees)`, as in the tables of Airdata, or as DatCon
+has it; QUANTITIES has all that are known, others are ignored. Between cells are commas, semicolons or tabs; numbers may
+have decimal commas.
 """
 
 from __future__ import annotations
 
 import csv
-import io
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import tzinfo
 from decimal import Decimal, InvalidOperation
 from types import MappingProxyType
@@ -26,26 +26,6 @@ from stab_ros.io.date_time import DAY_NS, find_date, time_of_day_ns, utc_of_loca
 from stab_ros.io.srt_telemetry import attitude_of
 from stab_ros.io.telemetry_record import Record, Recorded
 
-# the names that a column may have, in any case, and with any mark between words
-QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType({
-    "time": ("time", "timestamp", "t", "datetime", "date_time", "utc", "time_utc", "datetime_utc", "unix_time",
-             "unix", "stamp"),
-    "date": ("date",),
-    "latitude": ("latitude", "lat"),
-    "longitude": ("longitude", "longtitude", "lon", "lng", "long"),
-    "height": ("height", "altitude", "alt", "abs_alt", "elevation", "ellipsoidal_height", "altitude_above_sealevel"),
-    "above_takeoff": ("rel_alt", "relative_altitude", "height_above_takeoff", "above_takeoff"),
-    "sigma_east": ("sigma_east", "sde", "sd_east", "std_east"),
-    "sigma_north": ("sigma_north", "sdn", "sd_north", "std_north"),
-    "sigma_up": ("sigma_up", "sdu", "sd_up", "std_up"),
-    "gimbal_yaw": ("gimbal_yaw", "gb_yaw", "gimbal_heading"),
-    "gimbal_pitch": ("gimbal_pitch", "gb_pitch"),
-    "gimbal_roll": ("gimbal_roll", "gb_roll"),
-    "yaw": ("yaw", "heading", "compass_heading", "drone_yaw"),
-    "pitch": ("pitch", "drone_pitch"),
-    "roll": ("roll", "drone_roll"),
-    "qx": ("qx", "q_x"), "qy": ("qy", "q_y"), "qz": ("qz", "q_z"), "qw": ("qw", "q_w"),
-})
 LENGTHS: Mapping[str, float] = MappingProxyType({
     "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048,
     "feet": 0.3048})
@@ -54,11 +34,43 @@ ANGLES: Mapping[str, float] = MappingProxyType({
     "radians": math.degrees(1)})
 TIMES: Mapping[str, int] = MappingProxyType({
     "s": 10**9, "sec": 10**9, "second": 10**9, "seconds": 10**9, "ms": 10**6, "millisecond": 10**6,
-    "milliseconds": 10**6, "us": 10**3, "microseconds": 10**3, "ns": 1, "nanoseconds": 1})
-UNITS: Mapping[str, float] = MappingProxyType({**LENGTHS, **ANGLES, **TIMES})
+    "milliseconds": 10**6, "us": 10**3, "microseconds": 10**3, "ns": 1, "nanoseconds": 1, "utc": 0})
+_UNITS = {**LENGTHS, **ANGLES, **TIMES}
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a column may hold. names: in any case and with any marks between words; units: and their factors."""
+
+    names: tuple[str, ...]
+    units: Mapping[str, float] = field(default_factory=dict)
+
+
+QUANTITIES: Mapping[str, Quantity] = MappingProxyType({
+    "time": Quantity(("time", "timestamp", "t", "datetime", "utc", "time_utc", "datetime_utc", "unix_time", "unix",
+                      "stamp", "GPS:dateTimeStamp", "Clock:offsetTime", "offset_time"), TIMES),
+    "date": Quantity(("date",)),
+    "latitude": Quantity(("latitude", "lat", "GPS(0):Lat", "GPS:Lat"), ANGLES),
+    "longitude": Quantity(("longitude", "longtitude", "lon", "lng", "long", "GPS(0):Long", "GPS:Long"), ANGLES),
+    "height": Quantity(("height", "altitude", "alt", "abs_alt", "elevation", "ellipsoidal_height",
+                        "altitude_above_sea_level", "GPS(0):heightMSL", "GPS:heightMSL"), LENGTHS),
+    "above_takeoff": Quantity(("rel_alt", "relative_altitude", "height_above_takeoff", "above_takeoff",
+                               "General:relativeHeight"), LENGTHS),
+    "sigma_east": Quantity(("sigma_east", "sde", "sd_east", "std_east"), LENGTHS),
+    "sigma_north": Quantity(("sigma_north", "sdn", "sd_north", "std_north"), LENGTHS),
+    "sigma_up": Quantity(("sigma_up", "sdu", "sd_up", "std_up"), LENGTHS),
+    "gimbal_yaw": Quantity(("gimbal_yaw", "gb_yaw", "gimbal_heading"), ANGLES),
+    "gimbal_pitch": Quantity(("gimbal_pitch", "gb_pitch"), ANGLES),
+    "gimbal_roll": Quantity(("gimbal_roll", "gb_roll"), ANGLES),
+    "yaw": Quantity(("yaw", "heading", "compass_heading", "drone_yaw", "IMU_ATTI(0):yaw"), ANGLES),
+    "pitch": Quantity(("pitch", "drone_pitch", "IMU_ATTI(0):pitch"), ANGLES),
+    "roll": Quantity(("roll", "drone_roll", "IMU_ATTI(0):roll"), ANGLES),
+    "qx": Quantity(("qx",)), "qy": Quantity(("qy",)), "qz": Quantity(("qz",)), "qw": Quantity(("qw",)),
+})
 _UNIT = re.compile(r"^(.*?)\s*[(\[]\s*([^()\[\]]*?)\s*[)\]]\s*$")
 _UNIX_NS = 10**17  # of a time since 1970, in ns: 1973; a smaller one counts from the start of the video
 _MOST_NS = 2**62
+_Q = ("qx", "qy", "qz", "qw")
 _TEXT = "the first line must name its columns, as time,latitude,longitude,height_m"
 
 
@@ -74,12 +86,12 @@ def read_csv(text: str, zone: tzinfo, progress: Progress) -> Recorded:
     Raises:
         InputError: the first line names neither positions nor attitudes, or no time.
     """
-    lines = text.splitlines()
+    lines = text.splitlines(keepends=True)
     while lines and (not lines[0].strip() or lines[0].lower().startswith(("sep=", "#"))):
         del lines[0]
     header = lines[0] if lines else ""
     mark = max(",;\t", key=header.count)
-    rows = csv.reader(io.StringIO("\n".join(lines)), delimiter=mark, skipinitialspace=True)
+    rows = csv.reader(lines, delimiter=mark, skipinitialspace=True)
     table = _Table(_columns(next(rows, [])), zone)
     recorded, broken = Recorded(), []
     try:
@@ -101,12 +113,16 @@ def read_csv(text: str, zone: tzinfo, progress: Progress) -> Recorded:
 
 def _columns(header: Sequence[str]) -> dict[str, list[_Column]]:
     """The columns of each quantity, by what the header names."""
-    known = {name: quantity for quantity, names in QUANTITIES.items() for name in names}
     found: dict[str, list[_Column]] = {}
     for at, cell in enumerate(header):
-        name, unit = _named(cell, known)
-        if name in known:
-            found.setdefault(known[name], []).append(_Column(at, unit))
+        name, unit = _named(cell)
+        quantity = _KNOWN.get(name)
+        if quantity is None:
+            continue
+        if unit and unit not in QUANTITIES[quantity].units:
+            units = ", ".join(QUANTITIES[quantity].units) or "none"
+            raise InputError(f"its column {one_line(cell)[:40]!r} has an unknown unit, it must be one of {units}")
+        found.setdefault(quantity, []).append(_Column(at, unit))
     placed = {"latitude", "longitude"} <= found.keys()
     turned = any(set(names) <= found.keys() for names in (("gimbal_yaw", "gimbal_pitch"), ("yaw", "pitch"), _Q))
     missing = "time" if not {"time", "date"} & found.keys() else "" if placed or turned else "latitude and longitude"
@@ -116,16 +132,22 @@ def _columns(header: Sequence[str]) -> dict[str, list[_Column]]:
     return found
 
 
-_Q = ("qx", "qy", "qz", "qw")
+def _squeezed(name: str) -> str:
+    """`gimbalPitch`, `Gimbal Pitch` and `gimbal_pitch` are one name."""
+    return re.sub(r"[\W_]+", "", name.lower())
 
 
-def _named(cell: str, known: Mapping[str, str]) -> tuple[str, str]:
-    """Name and unit of a column: in brackets, or after the last _."""
-    match = _UNIT.match(cell.strip().lower())
-    name, unit = match.groups() if match else (cell.strip().lower(), "")
-    name = re.sub(r"\W+", "_", name).strip("_")
+_KNOWN = {_squeezed(name): quantity for quantity, kind in QUANTITIES.items() for name in kind.names}
+
+
+def _named(cell: str) -> tuple[str, str]:
+    """Name, squeezed, and unit of a column: in brackets, or after the last _."""
+    match = _UNIT.match(cell.strip())
+    name, unit = match.groups() if match else (cell.strip(), "")
     base, _, last = name.rpartition("_")
-    return (base, last) if not unit and name not in known and last in UNITS else (name, unit)
+    if not unit and _squeezed(name) not in _KNOWN and last.lower() in _UNITS:
+        name, unit = base, last
+    return _squeezed(name), unit.lower()
 
 
 class _Table:
@@ -156,27 +178,35 @@ class _Table:
             gimbal=self._angles("gimbal_", cells), body=self._quaternion(cells))
 
     def _times(self, cells: Sequence[str]) -> tuple[int | None, int | None]:
-        """Time since the start and UTC: a table may have both."""
-        since_start_ns = utc_ns = None
-        columns = self._columns.get("time", [])
-        texts = [(_cell(cells, column.at), column.unit) for column in columns]
-        for date in self._columns.get("date", []):
-            day = _cell(cells, date.at)
-            clock = next((text for text, _ in texts if time_of_day_ns(text) is not None), "00:00:00")
-            texts.insert(0, (day if find_date(day) else f"{day} {clock}", ""))
-        for text, unit in texts:
-            date_ns = find_date(text)
-            if date_ns is not None:
-                utc_ns = utc_ns or (date_ns.time_ns if date_ns.zoned else utc_of_local(date_ns.time_ns, self._zone))
-            elif since_start_ns is None and utc_ns is None and time_of_day_ns(text) is not None:
-                since_start_ns = self._past_midnight(time_of_day_ns(text) or 0)
-            elif text and time_of_day_ns(text) is None:
-                time_ns = _time_ns(text, unit)
-                if time_ns >= _UNIX_NS:
-                    utc_ns = utc_ns or time_ns
-                elif since_start_ns is None:
-                    since_start_ns = time_ns
-        return since_start_ns, utc_ns
+        """Time since the start and UTC, ns: a table may have both, as it may have several columns of times."""
+        times: dict[str, int] = {}
+        for text, unit in self._texts(cells):
+            for kind, time_ns in self._time(text, unit):
+                times.setdefault(kind, time_ns)
+        if not {"since_start", "utc"} & times.keys() and "of_day" in times:
+            return self._past_midnight(times["of_day"]), None
+        return times.get("since_start"), times.get("utc")
+
+    def _texts(self, cells: Sequence[str]) -> list[tuple[str, str]]:
+        """The texts of times with their units; a day is put before the time of day."""
+        texts = [(_cell(cells, column.at), column.unit) for column in self._columns.get("time", [])]
+        of_day = next((text for text, _ in texts if time_of_day_ns(text) is not None), "00:00:00")
+        days = [_cell(cells, column.at) for column in self._columns.get("date", [])]
+        return [*((day if find_date(day) else f"{day} {of_day}", "") for day in days), *texts]
+
+    def _time(self, text: str, unit: str) -> list[tuple[str, int]]:
+        """What a text tells, ns, and whether that counts from the start, from 1970 or from midnight; none: nothing.
+
+        Raises:
+            ValueError: it is no time.
+        """
+        date, of_day_ns = find_date(text), time_of_day_ns(text)
+        if date is not None:
+            return [("utc", date.time_ns if date.zoned else utc_of_local(date.time_ns, self._zone))]
+        if of_day_ns is not None:
+            return [("of_day", of_day_ns)]
+        time_ns = _time_ns(text, unit) if text else None
+        return [] if time_ns is None else [("utc" if time_ns >= _UNIX_NS else "since_start", time_ns)]
 
     def _past_midnight(self, of_day_ns: int) -> int:
         if self._first_ns is None:
@@ -190,7 +220,7 @@ class _Table:
         for column in self._columns.get(quantity, []):
             text = _cell(cells, column.at)
             if text and text.lower() not in ("nan", "n/a", "null", "-"):
-                return _number(text) * UNITS.get(column.unit, 1.0)
+                return _number(text) * _UNITS.get(column.unit, 1.0)
         return math.nan
 
     def _covariance(self, cells: Sequence[str]) -> FloatArray | None:

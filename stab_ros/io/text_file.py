@@ -7,7 +7,7 @@ from pathlib import Path
 
 from stab_ros.core.errors import InputError
 
-MOST_BYTES = 2**30  # that are read at once
+MOST_BYTES = 2**29  # that are read at once
 _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 _SAMPLE = 4096  # bytes that tell UTF-16 without a mark: Latin letters have a zero in every second place
 _ZEROS = 0.4

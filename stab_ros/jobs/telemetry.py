@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, tzinfo
 from operator import itemgetter
@@ -12,10 +12,11 @@ from typing import TypeVar
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.progress import Progress
+from stab_ros.core.types import FloatArray
 from stab_ros.io.attitude_message import Attitude, imu_cdr, quaternion_cdr
 from stab_ros.io.bag import BagWriter, topic_of
 from stab_ros.io.cdr import IMU, NAV_SAT_FIX, QUATERNION_STAMPED
-from stab_ros.io.fix_message import Fix, fix_cdr
+from stab_ros.io.fix_message import Fix, fix_cdr, read_fix
 from stab_ros.io.outputs import check_output
 from stab_ros.io.repeated import measured
 from stab_ros.io.telemetry import TELEMETRY, read_telemetry
@@ -34,17 +35,18 @@ class Telemetry:
     """What to turn into a bag.
 
     Attributes:
-        source: an .srt, a .pos or a .csv.
+        sources: .srt, .pos and .csv files; positions are taken from the first that tells them, as are the attitudes of
+            the gimbal and those of the drone.
         output: the bag to write.
         namespace: of its topics.
         timing: how messages are stamped.
-        zone: of dates in the file that do not name theirs.
+        zone: of dates in a file that do not name theirs.
         home_height_m: height of the place of take-off: fixes get it plus the height above it; None: the file's height.
-        swap: the file has longitude for latitude, and the other way round.
+        swap: the files have longitude for latitude, and the other way round.
         force: overwrite the output.
     """
 
-    source: Path
+    sources: tuple[Path, ...]
     output: Path
     namespace: str = DEFAULT_NAMESPACE
     timing: Timing = field(default_factory=Timing)
@@ -61,7 +63,7 @@ class Converted:
     Attributes:
         counts: number of messages of each topic.
         first: the first fix; None: there is none.
-        notes: how the file was taken, one line each.
+        notes: how the files were taken, one line each.
         warnings: what was left out or is in doubt, one line each.
     """
 
@@ -69,6 +71,17 @@ class Converted:
     first: Fix | None
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _File:
+    """What a file tells, in the order of the stamps. notes, warnings: without its name."""
+
+    path: Path
+    clock: TelemetryClock
+    records: list[tuple[int, Record]]
+    notes: list[str]
+    warnings: list[str]
 
 
 @dataclass(frozen=True)
@@ -84,28 +97,47 @@ def convert_telemetry(job: Telemetry, progress: Progress) -> Converted:
     """Runs the job.
 
     Raises:
-        InputError: an argument or the file is unusable; no output remains.
+        InputError: an argument or a file is unusable; no output remains.
         WorkError: the bag could not be finished; the readable part remains under its `.partial` name.
     """
-    if not job.source.exists():
-        raise InputError(f"{job.source}: no such file, it must be {TELEMETRY}")
-    check_output(job.output, ".mcap", job.source, job.force)
-    recorded = mended(read_telemetry(job.source, job.zone, progress), job.swap)
-    warnings = list(recorded.warnings)
-    notes = [*recorded.notes, _CLOCKS[clock_of(recorded, job.timing)]]
+    for source in job.sources:
+        if not source.exists():
+            raise InputError(f"{source}: no such file, it must be {TELEMETRY}")
+        check_output(job.output, ".mcap", source, job.force)
+    files = [_read(job, source, progress) for source in job.sources]
+    _check_clocks(files)
+    streams = [*_fix_stream(job, files), *_gimbal_stream(job, files), *_body_stream(job, files)]
+    _write(job, streams)
+    first = next((read_fix(stream.messages[0][1]) for stream in streams if stream.msgtype == NAV_SAT_FIX), None)
+    return Converted({stream.name: len(stream.messages) for stream in streams}, first,
+                     tuple(f"{file.path}: {line}" for file in files for line in file.notes),
+                     tuple(f"{file.path}: {line}" for file in files for line in file.warnings))
+
+
+def _read(job: Telemetry, source: Path, progress: Progress) -> _File:
+    recorded = mended(read_telemetry(source, job.zone, progress), job.swap)
+    clock, warnings = clock_of(recorded, job.timing), list(recorded.warnings)
     try:
         records = _in_order(recorded, job.timing, warnings)
-        fixes = _fixes(records, job.home_height_m, warnings)
-        streams = [*_fix_streams(job.namespace, fixes, notes), *_attitude_streams(job.namespace, records, notes)]
     except InputError as error:
-        raise InputError(f"{job.source}: {error}") from error
-    _write(job, streams)
-    return Converted({stream.name: len(stream.messages) for stream in streams}, fixes[0] if fixes else None,
-                     tuple(_named(job.source, notes)), tuple(_named(job.source, warnings)))
+        raise InputError(f"{source}: {error}") from error
+    return _File(source, clock, records, [*recorded.notes, _CLOCKS[clock]], warnings)
 
 
-def _named(source: Path, lines: Iterable[str]) -> list[str]:
-    return [f"{source}: {line}" for line in lines]
+def _check_clocks(files: Sequence[_File]) -> None:
+    """Raises InputError where the stamps of two files are of two clocks."""
+    other = next((file for file in files if file.clock is not files[0].clock), None)
+    if other is not None:
+        raise InputError(f"{other.path}: counts in {other.clock.value} time and {files[0].path} in "
+                         f"{files[0].clock.value} time; --start, when the first frame was taken, makes them one")
+
+
+def _telling(files: Sequence[_File], tells: Callable[[Record], bool], what: str) -> _File | None:
+    """The first file that tells it; None: none does."""
+    telling = [file for file in files if any(tells(record) for _, record in file.records)]
+    for file in telling[1:]:
+        file.notes.append(f"its {what} are not taken, those of {telling[0].path} are")
+    return telling[0] if telling else None
 
 
 def _in_order(recorded: Recorded, timing: Timing, warnings: list[str]) -> list[tuple[int, Record]]:
@@ -133,57 +165,69 @@ def _in_order(recorded: Recorded, timing: Timing, warnings: list[str]) -> list[t
     return [(stamp_ns, by_stamp[stamp_ns]) for stamp_ns in sorted(late)]
 
 
-def _fixes(records: Sequence[tuple[int, Record]], home_height_m: float | None, warnings: list[str]) -> list[Fix]:
-    placed = [(stamp_ns, record) for stamp_ns, record in records if record.placed]
-    heights = _heights([record for _, record in placed], home_height_m, warnings)
-    return [Fix(stamp_ns, record.latitude_deg, record.longitude_deg, height_m, record.covariance_m2, record.status,
-                "gps") for (stamp_ns, record), height_m in zip(placed, heights, strict=True)]
-
-
 def _heights(records: Sequence[Record], home_height_m: float | None, warnings: list[str]) -> list[float]:
     """Heights of the fixes, m: those of the file, or those above the place of take-off on top of `home_height_m`."""
     above = [record.above_takeoff_m for record in records]
     told = [record.height_m for record in records]
     relative = any(map(math.isfinite, above))
+    heights = told
     if home_height_m is not None and relative:
-        return [home_height_m + height_m for height_m in above]
-    if home_height_m is not None:
+        heights = [home_height_m + height_m for height_m in above]
+    elif home_height_m is not None:
         warnings.append("it tells no heights above the place of take-off, --home-height is not used")
-    if relative and not any(map(math.isfinite, told)):
+    elif relative and not any(map(math.isfinite, told)):
         warnings.append("its heights count from the place of take-off, --home-height puts them above the ellipsoid")
-        return above
-    missing = sum(map(math.isnan, told))
+        heights = above
+    missing = sum(map(math.isnan, heights))
     if missing:
-        warnings.append(f"{missing} of {len(told)} positions have no height")
-    return told
+        warnings.append(f"{missing} of {len(heights)} positions have no height")
+    return heights
 
 
-def _fix_streams(namespace: str, fixes: Sequence[Fix], notes: list[str]) -> list[_Stream]:
+def _fix_stream(job: Telemetry, files: Sequence[_File]) -> list[_Stream]:
+    file = _telling(files, lambda record: record.placed, "positions")
+    if file is None:
+        return []
+    placed = [(stamp_ns, record) for stamp_ns, record in file.records if record.placed]
+    heights = _heights([record for _, record in placed], job.home_height_m, file.warnings)
+    fixes = [Fix(stamp_ns, record.latitude_deg, record.longitude_deg, height_m, record.covariance_m2, record.status,
+                 "gps") for (stamp_ns, record), height_m in zip(placed, heights, strict=True)]
     values = [(fix.latitude_deg, fix.longitude_deg, repr(fix.height_m)) for fix in fixes]
-    return _stream(topic_in(namespace, FIX_TOPIC), NAV_SAT_FIX, fixes, values, fix_cdr, notes)
+    return [_stream(topic_in(job.namespace, FIX_TOPIC), NAV_SAT_FIX, fixes, values, fix_cdr, file.notes)]
 
 
-def _attitude_streams(namespace: str, records: Sequence[tuple[int, Record]], notes: list[str]) -> list[_Stream]:
-    gimbal = [Attitude(stamp_ns, record.gimbal, frame_id="gimbal") for stamp_ns, record in records
-              if record.gimbal is not None]
-    body = [Attitude(stamp_ns, record.body, frame_id="base_link") for stamp_ns, record in records
-            if record.body is not None]
-    return [stream for topic, msgtype, attitudes, cdr in (
-        (GIMBAL_TOPIC, QUATERNION_STAMPED, gimbal, quaternion_cdr), (IMU_TOPIC, IMU, body, imu_cdr))
-        for stream in _stream(topic_in(namespace, topic), msgtype, attitudes,
-                              [tuple(attitude.map_q_body.tolist()) for attitude in attitudes], cdr, notes)]
+def _gimbal_stream(job: Telemetry, files: Sequence[_File]) -> list[_Stream]:
+    file = _telling(files, lambda record: record.gimbal is not None, "attitudes of the gimbal")
+    if file is None:
+        return []
+    turns = [(stamp_ns, record.gimbal) for stamp_ns, record in file.records]
+    return [_attitude_stream(topic_in(job.namespace, GIMBAL_TOPIC), QUATERNION_STAMPED, turns, "gimbal", quaternion_cdr,
+                             file.notes)]
+
+
+def _body_stream(job: Telemetry, files: Sequence[_File]) -> list[_Stream]:
+    file = _telling(files, lambda record: record.body is not None, "attitudes of the drone")
+    if file is None:
+        return []
+    turns = [(stamp_ns, record.body) for stamp_ns, record in file.records]
+    return [_attitude_stream(topic_in(job.namespace, IMU_TOPIC), IMU, turns, "base_link", imu_cdr, file.notes)]
+
+
+def _attitude_stream(name: str, msgtype: str, turns: Sequence[tuple[int, FloatArray | None]], frame_id: str,
+                     cdr: Callable[[Attitude], bytes], notes: list[str]) -> _Stream:
+    attitudes = [Attitude(stamp_ns, q, frame_id=frame_id) for stamp_ns, q in turns if q is not None]
+    values = [tuple(attitude.map_q_body.tolist()) for attitude in attitudes]
+    return _stream(name, msgtype, attitudes, values, cdr, notes)
 
 
 def _stream(name: str, msgtype: str, samples: Sequence[_S], values: Sequence[Hashable], cdr: Callable[[_S], bytes],
-            notes: list[str]) -> list[_Stream]:
-    """The messages of the samples that were measured and not repeated; none without samples."""
-    if not samples:
-        return []
+            notes: list[str]) -> _Stream:
+    """The messages of the samples that were measured and not repeated."""
     places = measured(values)
     if len(places) < len(samples):
         notes.append(f"{len(samples) - len(places)} of {len(samples)} values of {name} are repeated, not measured, and "
                      "are left out")
-    return [_Stream(name, msgtype, [(samples[place].stamp_ns, cdr(samples[place])) for place in places])]
+    return _Stream(name, msgtype, [(samples[place].stamp_ns, cdr(samples[place])) for place in places])
 
 
 def _write(job: Telemetry, streams: Sequence[_Stream]) -> None:

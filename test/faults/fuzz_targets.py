@@ -179,7 +179,7 @@ def _water_level(data: bytes) -> None:
 
 def _telemetry(path: str) -> None:
     """What is written can be read, and is said in whole lines."""
-    done = convert_telemetry(Telemetry(Path(path), Path("output.mcap"), force=True), lambda done, total: None)
+    done = convert_telemetry(Telemetry((Path(path),), Path("output.mcap"), force=True), lambda done, total: None)
     assert all(len(line.splitlines()) == 1 for line in (*done.notes, *done.warnings)), done
     with open_bag(Path("output.mcap")) as reader:
         assert sum(1 for _ in reader.messages()) == sum(done.counts.values())

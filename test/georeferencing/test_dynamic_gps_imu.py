@@ -1,6 +1,7 @@
 """`dynamic_gps_imu` on synthetic sensors: errors on the ground are those that the covariance predicts."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -179,3 +180,32 @@ def test_fixes_fix_the_origin_and_a_covariance_that_is_missing_is_said() -> None
     assert 2.0 < answer.values["sigma_m"] < 4.0
     with pytest.raises(InputError, match="latitude"):
         engine.add_fix(0, np.array([300.0, 10, 5]), None)
+
+
+def _long(delay_s: float, attitude_of: Callable[[FloatArray], FloatArray] = lambda q: q) -> Georeferenced:
+    """The last answer of 11 s of flight."""
+    engine, frames = _engine(CONFIG), 111
+    samples = measured(_pose_at, 11.1, replace(PPK, lever_arm_m=LEVER, delay_s=delay_s), 4)
+    _told(engine, replace(samples, map_q_body=np.array([attitude_of(q) for q in samples.map_q_body])))
+    for number in range(frames):
+        answer = engine.frame(_frame(number), _motion(number))
+    return answer
+
+
+def test_a_delay_that_is_left_is_told_with_its_sigma() -> None:
+    answer = _long(0.15).placement
+    assert answer is not None
+    assert answer.values["time_offset_left_s"] == pytest.approx(-0.15, abs=0.02)
+    assert any("the clock of the sensors is off: add -0.1" in doubt for doubt in answer.warnings)
+
+
+def test_an_attitude_in_other_axes_is_named() -> None:
+    upside_down = _long(0.0, lambda q: q * [1, -1, -1, 1])  # forward, right, down in north, west, ...
+    said = upside_down.reason or " ".join(upside_down.placement.warnings if upside_down.placement else ())
+    assert "NED" in said or "contradict" in said
+
+
+def test_sensors_that_agree_are_not_doubted() -> None:
+    answer = _long(0.0).placement
+    assert answer is not None
+    assert not answer.warnings

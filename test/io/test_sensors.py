@@ -55,6 +55,11 @@ def test_a_named_topic_is_read(tmp_path: Path) -> None:
         read_sensors(path, SensorTopics(fix="/gps"))
 
 
+def test_telemetry_is_to_be_made_a_recording_first(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"flight.SRT: is no recording, `stab-ros telemetry .* makes one of it$"):
+        read_sensors(tmp_path / "flight.SRT")
+
+
 def test_of_several_topics_one_must_be_named(tmp_path: Path) -> None:
     fixes = [fix_cdr(fix) for fix in FIXES]
     path = bag(tmp_path / "a.mcap", a__fix=fixes, b__fix=fixes, c__fix=[])

@@ -30,9 +30,9 @@ def read(path: Path, text: str | bytes, zone: tzinfo = UTC) -> Recorded:
     return read_telemetry(path, zone, lambda done, total: None)
 
 
-def close(found: np.ndarray | None, wanted: ArrayLike) -> None:
+def close(found: np.ndarray | None, wanted: ArrayLike, rtol: float = 1e-12) -> None:
     assert found is not None
-    np.testing.assert_allclose(found, np.array(wanted, float), rtol=1e-12)
+    np.testing.assert_allclose(found, np.array(wanted, float), rtol)
 
 
 def srt(*bodies: str, step_ms: int = 40) -> str:
@@ -62,6 +62,8 @@ GIMBAL = "[gb_yaw: -142.5 gb_pitch: -88.7 gb_roll: 0.5] "
     ("2022.06.21 16:06:17\nGPS(36.6146,-6.1120,0.0M) BAROMETER:8.4M", (36.6146, -6.112), math.nan, 8.4),
     ("F/3.2, SS 160, ISO 100, EV 0, GPS (8.2090, 47.4692, 18), D 49.21m, H 45.60m, H.S 0.00m/s, V.S 0.00m/s ",
      (47.4692, 8.209), math.nan, 45.6),
+    ("HOME(W: 121.7, N: 48.1)\nGPS(W: 121.7458, N: 48.0771, 201.5m)\nISO:100", (48.0771, -121.7458), 201.5, math.nan),
+    ("GPS(E:149.0251,S:20.2533,8m)", (-20.2533, 149.0251), 8.0, math.nan),
     ("F/2.8, GPS (-121,7458, 48,0771, 17), D 221,21m, H 200,70m, H.S n/a", (48.0771, -121.7458), math.nan, 200.7)])
 def test_positions_of_dji(tmp_path: Path, body: str, place: tuple[float, float], height_m: float,
                           above_m: float) -> None:
@@ -136,6 +138,15 @@ def test_a_solution_of_rtklib(tmp_path: Path) -> None:
     close(record.covariance_m2, [
         [0.1341**2, -(0.05**2), 0.02**2], [-(0.05**2), 0.088**2, 0.01**2], [0.02**2, 0.01**2, 0.3388**2]])
     assert recorded.notes == ["its times are GPS time, 18 leap seconds ahead of UTC", "solutions: 1 float"]
+
+
+def test_a_covariance_that_rounding_made_none_is_mended(tmp_path: Path) -> None:
+    """Two axes that move as one: 0.0045 twice, and 0.0046 for their covariance."""
+    row = ROW.replace("0.0880   0.1341   0.3388", "0.0045 0.0045 0.0100 0.0046 0.0000 0.0000")
+    (record,) = read(tmp_path / "a.pos", DEGREES + row + "\n").records
+    assert record.covariance_m2 is not None
+    assert np.linalg.eigvalsh(record.covariance_m2)[0] == pytest.approx(1e-8)
+    close(np.diag(record.covariance_m2), [0.0045**2, 0.0045**2, 0.01**2], 0.03)
 
 
 @pytest.mark.parametrize(("system", "hour"), [("GPST", -18 / 3600), ("UTC ", 0), ("JST ", -9)])
@@ -247,6 +258,21 @@ def test_columns_with_units_as_airdata_writes_them(tmp_path: Path) -> None:
     np.testing.assert_allclose(Rotation.from_quat(record.gimbal).apply([0, 0, 1]), [0, -1, 0], atol=1e-12)
 
 
+def test_a_table_of_datcon(tmp_path: Path) -> None:
+    """The log of the drone itself, which has no position at first."""
+    header = ("Clock:Tick#,Clock:offsetTime,IMU_ATTI(0):roll[degrees],IMU_ATTI(0):pitch[degrees],"
+              "IMU_ATTI(0):yaw[degrees],GPS(0):Long[degrees],GPS(0):Lat[degrees],GPS(0):heightMSL[meters],"
+              "General:relativeHeight[meters],GPS:dateTimeStamp")
+    before, after = read(tmp_path / "a.csv", f"{header}\n1,-0.5,0,0,90,,,,,\n"
+                         "2,33.25,0,0,90,-1.6700001,55.0100001,93.4,46.2,2022-08-07T12:00:00Z\n").records
+    assert (before.since_start_ns, before.utc_ns, before.placed) == (-S // 2, None, False)
+    assert (after.since_start_ns, after.utc_ns) == (33 * S + S // 4, NOON_NS)
+    assert (after.latitude_deg, after.longitude_deg, after.height_m) == (55.0100001, -1.6700001, 93.4)
+    assert after.above_takeoff_m == 46.2
+    assert after.body is not None
+    np.testing.assert_allclose(Rotation.from_quat(after.body).apply([1, 0, 0]), [1, 0, 0], atol=1e-12)
+
+
 def test_a_table_with_decimal_commas_radians_sigmas_and_quaternion(tmp_path: Path) -> None:
     text = ("Time [s];Latitude [rad];Longitude [rad];Height [m];sde;sdn;sdu_mm;qx;qy;qz;qw\n"
             "0,5;0,9;-0,03;46,25;0,01;0,02;30;0;0;0,6;0,8\n")
@@ -257,7 +283,16 @@ def test_a_table_with_decimal_commas_radians_sigmas_and_quaternion(tmp_path: Pat
     close(record.body, [0, 0, 0.6, 0.8])
 
 
+@pytest.mark.parametrize("name", ["gimbalPitch", "Gimbal Pitch", "gimbal_pitch", "GIMBAL-PITCH", "gb_pitch_deg"])
+def test_names_of_columns_as_programs_write_them(tmp_path: Path, name: str) -> None:
+    (record,) = read(tmp_path / "a.csv", f"time,{name},gimbalYaw(degrees)\n1,-90,0\n").records
+    assert record.gimbal is not None
+    np.testing.assert_allclose(Rotation.from_quat(record.gimbal).apply([1, 0, 0]), [0, 0, -1], atol=1e-12)
+
+
 @pytest.mark.parametrize(("text", "says"), [
+    ("time,lat,lon,height(furlong)\n1,2,3,4\n", "its column 'height(furlong)' has an unknown unit, it must be one"),
+    ("time (h),lat,lon\n1,2,3\n", "its column 'time (h)' has an unknown unit, it must be one of s,"),
     ("", "has no column of time"), ("lat,lon\n1,2\n", "has no column of time, its first line is 'lat, lon'"),
     ("time,x,y\n1,2,3\n", "has no column of latitude and longitude"),
     ("time,lat,lon\n", "holds no position and no attitude, it must be a table"),

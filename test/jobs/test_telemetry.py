@@ -45,7 +45,7 @@ def subtitles(frames: int, each: int = 3, gimbal: bool = True) -> str:
 
 def converted(folder: Path, name: str, text: str, **options: Any) -> tuple[Path, Converted]:
     (folder / name).write_text(text, encoding="utf-8")
-    job = Telemetry(folder / name, folder / "out.mcap", **options)
+    job = Telemetry((folder / name,), folder / "out.mcap", **options)
     return job.output, convert_telemetry(job, lambda done, total: None)
 
 
@@ -121,7 +121,7 @@ def test_a_log_that_began_before_the_video(tmp_path: Path) -> None:
                            timing=Timing(start_ns=NOON_NS + 4 * S))
     times = [time_ns for time_ns, _ in by_rosbags(path)["/camera/fix"]]
     assert np.unique(np.diff(times)).tolist() == [100_000_000]
-    assert abs(times[-1] - (S + round(5.9 * S))) <= S // 2  # of whole seconds
+    assert times[-1] == S + 59 * S // 10
     assert any("moments before the first frame of the video are left out" in line for line in done.warnings)
 
 
@@ -164,6 +164,34 @@ def test_bad_input_is_refused_and_nothing_is_left(tmp_path: Path, name: str, tex
         converted(tmp_path, name, text, **options)
     assert says in str(caught.value)
     assert sorted(path.name for path in tmp_path.iterdir()) == [name]
+
+
+def test_positions_of_a_receiver_with_angles_of_subtitles(tmp_path: Path) -> None:
+    """As the third paper has them: fixes of PPK, attitudes of the drone itself."""
+    (tmp_path / "a.pos").write_text(POS, encoding="utf-8")
+    (tmp_path / "a.srt").write_text(subtitles(30), encoding="utf-8")
+    paths = (tmp_path / "a.pos", tmp_path / "a.srt")
+    job = Telemetry(paths, tmp_path / "out.mcap", timing=Timing(start_ns=NOON_NS))
+    done = convert_telemetry(job, lambda done, total: None)
+    topics = by_rosbags(job.output)
+    assert [time_ns for time_ns, _ in topics["/camera/fix"]] == [S + 200_000_000, S + 400_000_000]
+    assert (len(topics["/camera/gimbal"]), topics["/camera/gimbal"][0][0]) == (30, S)
+    assert f"{paths[1]}: its positions are not taken, those of {paths[0]} are" in done.notes
+
+
+def test_files_of_two_clocks_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.pos").write_text(POS, encoding="utf-8")
+    (tmp_path / "a.srt").write_text(subtitles(30), encoding="utf-8")
+    job = Telemetry((tmp_path / "a.pos", tmp_path / "a.srt"), tmp_path / "out.mcap")
+    with pytest.raises(InputError, match=r"a.srt: counts in video time and .*a.pos in utc time; --start, .* makes"):
+        convert_telemetry(job, lambda done, total: None)
+    assert not job.output.exists()
+
+
+def test_telemetry_as_the_input_of_another_command(tmp_path: Path) -> None:
+    (tmp_path / "a.SRT").write_text(subtitles(3), encoding="utf-8")
+    with pytest.raises(InputError, match=r"the input must be .*; `stab-ros telemetry` makes a bag of it"):
+        describe(tmp_path / "a.SRT")
 
 
 def run(*arguments: object) -> subprocess.CompletedProcess[str]:
