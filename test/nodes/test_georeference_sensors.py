@@ -209,13 +209,13 @@ def test_one_bag_gives_the_same_live_and_from_the_command(
 ) -> None:
     """Images, calibration, fixes, attitudes and levels of one recording, at a hundred times its speed."""
     info = camera_info(CAMERA.K, CAMERA.D.tolist(), (480, 270), flight[0].stamp_ns)
-    last_ns = flight[-1].stamp_ns + 200_000_000
+    until_ns = flight[-1].stamp_ns + 200_000_000
     messages = [Entry("/cam/camera_info", "sensor_msgs/msg/CameraInfo", 10**9 - 1, info), *entries(flight)]
-    for topic, kind, make, stamps in (("fix", "sensor_msgs/msg/NavSatFix", fix_message, FIXES),
-                                      ("imu", "sensor_msgs/msg/Imu", imu_message, TURNS),
-                                      ("water_level", "geometry_msgs/msg/PointStamped", level_message, FIXES)):
+    for topic, kind, make, every_ms in (("fix", "sensor_msgs/msg/NavSatFix", fix_message, 100),
+                                        ("imu", "sensor_msgs/msg/Imu", imu_message, 20),
+                                        ("water_level", "geometry_msgs/msg/PointStamped", level_message, 300)):
         messages += [Entry(f"/cam/{topic}", kind, stamp_ns + 5_000_000, bytes(serialize_message(make(stamp_ns))))
-                     for stamp_ns in stamps if stamp_ns <= last_ns]
+                     for stamp_ns in range(10**9 - 130_000_000, until_ns, every_ms * 1_000_000)]
     flown = write_mcap(tmp_path / "flown.mcap", sorted(messages, key=lambda one: one.log_time_ns))
     infos, poses = graph.listen(CameraInfo, "/cam/ortho_info"), graph.listen(PoseWithCovarianceStamped, f"{NODE}/pose")
     graph.start("georeference_node", "/cam", queue_depth=0, wait_for_subscribers=1, attitude="imu",
