@@ -40,6 +40,8 @@ from stab_ros.parameters.table import GEOREFERENCE_PARAMETERS, georeference_conf
 
 _POLL_NS = SECOND_NS // 10  # period at which subscribers, publishers and the silence are checked
 _SENSORS = (FIX_TOPIC, "attitude")  # which frames wait for in the engine
+_LENS = ("the tracker does not remove the distortion of this lens, its homographies are not exact; start it with "
+         "use_camera_info:=true")
 
 SETTINGS = params.table_of(GeoreferenceSettings)
 CHANGEABLE = frozenset(GEOREFERENCE_PARAMETERS) - {"camera_file", "crs", "origin"}  # the map stays as it is
@@ -303,9 +305,18 @@ class GeoreferenceNode(StabNode):
         self.status.warn(kind, text)
         self._warnings.log(kind, text)
 
+    @property
+    def _lens_is_left(self) -> bool:
+        """Whether homographies are of distorted pixels, though the distortion is known."""
+        camera, motions = self.placer.camera, self._motions
+        if self._stabilized or camera is None or motions is None or motions.reference_size is None:
+            return False
+        return camera.distorts and motions.camera is None
+
     def _report(self) -> None:
         self.status.before, self.status.unmade = self._images.before, self.placer.unmade
-        self.status.doubts = () if self.placer.engine is None else self.placer.engine.doubts
+        of_engine = () if self.placer.engine is None else self.placer.engine.doubts
+        self.status.doubts = (*of_engine, *([_LENS] if self._lens_is_left else []))
         if self._failures.count > self.status.errors:
             self.status.errors = self._failures.count
             self.status.warn("internal", self._failures.last)
