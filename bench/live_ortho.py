@@ -34,7 +34,7 @@ _HEIGHT_M = 30.0  # with the focal length of the follower's camera: 2 cm
 _HEAD = ("stream", "sent", "homographies", "median, ms", "95 %", "ortho_info", "median, ms", "95 %", "max",
          "image_ortho", "median, ms", "95 %", "max", "CPU of tracker, ms", "of georeferencing, ms")
 _NOTE = ("After the first {:g} s. How late: from publication of the image to reception, in another process. CPU: for "
-         "each image sent. Load of the machine (1 min) before and after: {:.1f}, {:.1f}.")
+         "each image answered. Load of the machine (1 min) before and after: {:.1f}, {:.1f}.")
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,9 @@ def _row(case: OrthoCase, sent_ns: list[int], said: Mapping[str, list[tuple[int,
         spread = Spread.of([late for stamp, late in said[topic] if stamp >= begin_ns])
         shown = (spread.median, spread.p95) if topic == "homography" else (spread.median, spread.p95, spread.max)
         cells += [str(spread.count), *(number(value, 1) for value in shown)]
-    used_ms = (1e3 * (last.processor_s - first.processor_s) / sent for first, last in zip(begin, end, strict=True))
+    worked = [sum(stamp >= begin_ns for stamp, _ in said[topic]) for topic in ("homography", "ortho_info")]
+    used_ms = (1e3 * (last.processor_s - first.processor_s) / count
+               for first, last, count in zip(begin, end, worked, strict=True))
     return (*cells, *(number(value, 1) for value in used_ms))
 
 

@@ -79,6 +79,8 @@ def read_track(cdr: bytes | memoryview) -> TrackValues:
         (scale,) = _numbers(values["scale"], 1)
         covariance = _symmetric(_numbers(values["covariance"], 36)) if values["covariance"] else None
         counter = int(values["reset_counter"])
+        if not scale > 0:
+            raise ValueError(scale)
     except (KeyError, ValueError) as error:
         raise MessageError("track: offset, scale, covariance and reset_counter must be as the tracker writes them") \
             from error

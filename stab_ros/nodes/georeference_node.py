@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-import math
 import time
-from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any, TypeAlias
-
-import numpy as np
 
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.kernels import Compilation, compile_kernels
 from stab_ros.core.settings import Value
 from stab_ros.core.timeline import Advance
-from stab_ros.core.types import Frame, Homography
 from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
-from stab_ros.georeferencing.local_frame import LocalFrame
-from stab_ros.georeferencing.orientation import Unplaced
-from stab_ros.georeferencing.samples import AttitudeSample
 from stab_ros.georeferencing.settings import needs_motion, needs_sensors
-from stab_ros.imaging.camera import Camera
 from stab_ros.io.attitude_message import Attitude
 from stab_ros.io.cdr import SECOND_NS
 from stab_ros.io.fix_message import Fix
@@ -32,6 +22,7 @@ from stab_ros.io.water_level_message import WaterLevel
 from stab_ros.nodes import params
 from stab_ros.nodes.camera_info_subscription import CameraInfoSubscription
 from stab_ros.nodes.failures import Failures
+from stab_ros.nodes.frame_placer import FramePlacer, KnownCamera, Sample, Taken
 from stab_ros.nodes.georeference_publishers import GeoreferencePublishers
 from stab_ros.nodes.georeference_status import GeoreferenceStatus, Result
 from stab_ros.nodes.image_input import ImageInput
@@ -43,27 +34,20 @@ from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.stamp_monitor import StampMonitor
 from stab_ros.nodes.stamp_pairing import Pair, StampPairing
 from stab_ros.nodes.throttled_warnings import ThrottledWarnings
-from stab_ros.parameters.engines import camera_of, check_georeference, make_georeferencer
+from stab_ros.parameters.engines import check_georeference
 from stab_ros.parameters.node_settings import GeoreferenceSettings
 from stab_ros.parameters.table import GEOREFERENCE_PARAMETERS, georeference_config
 
 _POLL_NS = SECOND_NS // 10  # period at which subscribers, publishers and the silence are checked
 _SENSORS = (FIX_TOPIC, "attitude")  # which frames wait for in the engine
-_SAMPLES = 20_000  # of sensors that are kept for another engine
+_LENS = ("the tracker does not remove the distortion of this lens, its homographies are not exact; start it with "
+         "use_camera_info:=true")
 
 SETTINGS = params.table_of(GeoreferenceSettings)
 CHANGEABLE = frozenset(GEOREFERENCE_PARAMETERS) - {"camera_file", "crs", "origin"}  # the map stays as it is
 
 
-@dataclass(frozen=True, eq=False)
-class _Taken:
-    """A frame that has no answer yet, and when its image was published."""
-
-    frame: Frame
-    source_ns: int
-
-
-_Paired: TypeAlias = "Pair[_Taken, Told]"
+_Paired: TypeAlias = "Pair[Taken, Told]"
 
 
 class GeoreferenceNode(StabNode):
@@ -80,10 +64,7 @@ class GeoreferenceNode(StabNode):
         check_georeference(values)
         self.values, self._config = values, georeference_config(values)
         self._stabilized = self.settings.input == STABILIZED_TOPIC
-        self.engine: Georeferencer | None = None
-        self._camera_of_file: Camera | None = None  # for images of their size
-        self._unmade = ""  # why there is no engine
-        self._origin: LocalFrame | None = None  # of the map; it stays
+        self._origin_said = False
         self._rejected: tuple[str, ...] | None = None  # control points, as the last message of them shows
         self._camera_info = CameraInfoSubscription(self, self._use_camera) if self._takes_camera_info else None
         self.status = GeoreferenceStatus(self._config.orientation, round(self.settings.stale_s * SECOND_NS))
@@ -92,16 +73,14 @@ class GeoreferenceNode(StabNode):
             may_pass=self._knows_camera, take=self._on_image, dropped=self._on_dropped, topic=self.settings.input)
         self._motions: MotionInput | None = None
         self._sensors = SensorInputs(self, self.settings, self, lambda: self._newest_ns)
-        self._frames: StampPairing[_Taken, Told] = StampPairing(
+        self._frames: StampPairing[Taken, Told] = StampPairing(
             self.settings.backlog_mb * 1e6, lambda taken: taken.frame.image.nbytes)
-        self._pending: deque[_Taken] = deque()  # in the engine
-        self._samples: deque[Fix | Attitude | WaterLevel] = deque(maxlen=_SAMPLES)
-        self._newest_ns, self._size = -1, (0, 0)  # stamp and size of the newest frame
-        self._window_H_ref: Homography = np.eye(3)  # of image_stabilized
+        self._newest_ns = -1  # stamp of the newest frame
         self._resets = 0  # as far as they were said
         self._patience: dict[str, Patience] = {}  # with the topics that frames wait for
         self._warnings = ThrottledWarnings(self.get_logger())
         self._stamps, self._failures = StampMonitor(), Failures(self.get_logger())
+        self.placer = FramePlacer(values, self._stabilized, self._known_camera, self._failures, self)
         self.outputs = GeoreferencePublishers(self, lossless=self.settings.queue_depth == 0)
         params.ParameterUpdates(self, GEOREFERENCE_PARAMETERS, self._change)
         self.create_steady_timer(1.0, self._report)
@@ -124,11 +103,6 @@ class GeoreferenceNode(StabNode):
         if not isinstance(error, Exception):
             raise error
         self._failures.note(error)
-        self._say_failure()
-
-    def _say_failure(self) -> None:
-        self.status.errors = self._failures.count
-        self.status.warn("internal", self._failures.last)
 
     # what is taken ---------------------------------------------------------------------------------------------------
     @property
@@ -143,9 +117,15 @@ class GeoreferenceNode(StabNode):
         """Whether images can be placed: no camera_info is needed, or it is known."""
         return self._camera_info is None or self._camera_info.camera is not None
 
+    def _known_camera(self) -> KnownCamera:
+        if self._stabilized:
+            motions = self._motions
+            return KnownCamera(None) if motions is None else KnownCamera(motions.camera, motions.reference_size)
+        return KnownCamera(None if self._camera_info is None else self._camera_info.camera)
+
     def _use_camera(self) -> None:
         """The camera has become known, or is another one as long as no frame was placed."""
-        self._unmade = ""
+        self.placer.retry()
         self._images.release()
 
     def _poll(self) -> None:
@@ -175,6 +155,8 @@ class GeoreferenceNode(StabNode):
         """Subscribes to what the orientation takes, once: it may be changed, and changed back."""
         if needs_sensors(self._config):
             self._sensors.open_attitude()
+            for topic in _SENSORS:
+                self._await(topic)
         if self._takes_motion and self._motions is None and self._images.is_open:
             self._motions = MotionInput(self, self._on_told, lambda text: self.on_unusable("", text))
             self._await(self._motions.topic)
@@ -195,8 +177,8 @@ class GeoreferenceNode(StabNode):
             return
         self._take_stamp(frame.stamp_ns)
         self.status.on_image(self.free.ns)
-        self._newest_ns, self._size = frame.stamp_ns, frame.size
-        taken = _Taken(frame, source_ns)
+        self._newest_ns = frame.stamp_ns
+        taken = Taken(frame, source_ns)
         if self._takes_motion:
             self._place(self._frames.ask(frame.stamp_ns, taken))
         else:
@@ -210,15 +192,8 @@ class GeoreferenceNode(StabNode):
             self._warn(step.value, text)
         if step is Advance.BACK:
             self.status.restart()
-            past = [sample for sample in self._samples if sample.stamp_ns <= stamp_ns + SECOND_NS]
-            self._samples = deque(past, maxlen=_SAMPLES)
-            self._begin_anew()
-
-    def _begin_anew(self) -> None:
-        """Frames that wait are placed by what is known; the next one has another engine."""
-        if self.engine is not None and needs_sensors(self._config):
-            self._answer(self.engine.finish)
-            self.engine = None
+            if needs_sensors(self._config):
+                self.placer.begin_anew(stamp_ns)
 
     def _on_told(self, told: Told) -> None:
         if self._motions is not None:
@@ -246,35 +221,16 @@ class GeoreferenceNode(StabNode):
         """See `SensorCallbacks`."""
         self._warn(f"doubt {topic}", f"{topic}: {text}")
 
-    def _on_sample(self, topic: str, sample: Fix | Attitude | WaterLevel) -> None:
+    def _on_sample(self, topic: str, sample: Sample) -> None:
         offset_ns = 0 if isinstance(sample, WaterLevel) else round(self._config.time_offset_s * SECOND_NS)
         self.status.on_sample(topic, sample.stamp_ns + offset_ns)
         self._heard(topic)
-        self._samples.append(sample)
-        if self.engine is not None:
-            self._feed(self.engine, sample)
-            self._answer(self.engine.answers)
-
-    def _feed(self, engine: Georeferencer, sample: Fix | Attitude | WaterLevel) -> None:
-        """Tells the engine of a sample."""
-        if isinstance(sample, WaterLevel):
-            engine.set_water_level(sample.stamp_ns, sample.wse_m)
-        elif isinstance(sample, Attitude):
-            engine.add_attitude(AttitudeSample(sample.stamp_ns, sample.map_q_body, sample.covariance_rad2))
-        elif math.isfinite(sample.height_m):
-            self._feed_fix(engine, sample)
-
-    def _feed_fix(self, engine: Georeferencer, fix: Fix) -> None:
-        try:
-            engine.add_fix(fix.stamp_ns, np.array([fix.latitude_deg, fix.longitude_deg, fix.height_m]),
-                           fix.covariance_m2)
-        except InputError as error:
-            self.on_unusable(self.resolve_topic_name(FIX_TOPIC), str(error))
+        self.placer.add(sample)
 
     # silence ---------------------------------------------------------------------------------------------------------
     def _await(self, topic: str) -> None:
         """Frames wait for messages of this topic from now on."""
-        self._patience[topic] = Patience(round(self.settings.wait_s * SECOND_NS))
+        self._patience.setdefault(topic, Patience(round(self.settings.wait_s * SECOND_NS)))
 
     def _heard(self, topic: str) -> None:
         if topic in self._patience:
@@ -286,10 +242,9 @@ class GeoreferenceNode(StabNode):
         if motions is not None and motions.topic in silent and len(self._frames):
             motions.flush()
             self._place(self._frames.flush())
-        if self.engine is not None and any(topic in silent for topic in _SENSORS):
-            self._answer(self.engine.finish)
-        self.status.silent = silent
-        self.status.waiting = len(self._frames) + len(self._pending)
+        if any(topic in silent for topic in _SENSORS):
+            self.placer.finish()
+        self.status.silent, self.status.waiting = silent, len(self._frames) + self.placer.waiting
 
     def _silent(self) -> tuple[str, ...]:
         """The topics that frames wait for in vain."""
@@ -300,117 +255,42 @@ class GeoreferenceNode(StabNode):
         """Whether a frame waits for a message of this topic."""
         if topic not in _SENSORS:
             return len(self._frames) > 0
-        return bool(self._pending) and self.status.newest_ns(topic) < self._pending[0].frame.stamp_ns
+        oldest_ns = self.placer.oldest_ns
+        return oldest_ns is not None and self.status.newest_ns(topic) < oldest_ns
 
-    # placing ---------------------------------------------------------------------------------------------------------
+    # placing and output ----------------------------------------------------------------------------------------------
     def _place(self, pairs: list[_Paired]) -> None:
         for pair in pairs:
-            told = pair.answer
             try:
-                engine = self._engine_for(pair.question.frame, told)
-                engine.add_frame(pair.question.frame, None if told is None else told.motion)
+                self.placer.place(pair.question, pair.answer)
             except InputError as error:
                 self.status.count("frames_refused")
                 self._warn("refused", f"refused an image: {error}")
                 continue
-            self._pending.append(pair.question)
-            self._answer(engine.answers)
-            if told is not None:
-                self._tell_of_reset(told)
+            if self._camera_info is not None:
+                self._camera_info.locked = True
+            if pair.answer is not None:
+                self._tell_of_reset(pair.answer)
 
-    def _engine_for(self, frame: Frame, told: Told | None) -> Georeferencer:
-        """The engine; it is made for the first frame, and anew where image_stabilized shows another window."""
-        window_H_ref = self._window_H_ref if told is None else told.window_H_ref
-        moved = self._stabilized and not np.array_equal(window_H_ref, self._window_H_ref)
-        if self.engine is None or moved:
-            self._window_H_ref = window_H_ref
-            self._use(self._made_once(frame.size))
-        assert self.engine is not None
-        return self.engine
-
-    @property
-    def camera(self) -> Camera | None:
-        """That took the images; None: of unknown calibration."""
-        if self._stabilized:
-            return None if self._motions is None else self._motions.camera
-        if self._camera_of_file is not None:
-            return self._camera_of_file
-        return None if self._camera_info is None else self._camera_info.camera
-
-    def _made_once(self, size: tuple[int, int]) -> Georeferencer:
-        """Raises InputError, without trying again, until parameters or the camera change."""
-        if self._unmade:
-            raise InputError(self._unmade)
-        try:
-            return self._made(self.values, size)
-        except InputError as error:
-            self._unmade = str(error)
-            self.get_logger().error(f"no frame can be placed: {error}")
-            raise
-
-    def _made(self, values: dict[str, Value], size: tuple[int, int]) -> Georeferencer:
-        if self._origin is not None:
-            place = (self._origin.latitude_deg, self._origin.longitude_deg, self._origin.height_m)
-            values = {**values, "origin": ", ".join(map(repr, place))}
-        file, _ = camera_of(values, size) if not self._stabilized else (None, ())
-        self._camera_of_file = None if file is None else file.camera
-        reference_size = None if self._motions is None else self._motions.reference_size
-        if not self._stabilized:
-            return make_georeferencer(values, self.camera, size)
-        return make_georeferencer(values, self.camera, reference_size or size, self._window_H_ref)
-
-    def _use(self, engine: Georeferencer) -> None:
-        """Goes on with this engine; frames that wait in the one before are placed by what it knows."""
-        if self.engine is not None:
-            self._answer(self.engine.finish)
-        self.engine = engine
-        for sample in self._samples:
-            self._feed(engine, sample)
-        if self._camera_info is not None:
-            self._camera_info.locked = True
-        if needs_sensors(self._config):
-            for topic in _SENSORS:
-                self._await(topic)
-
-    # output ----------------------------------------------------------------------------------------------------------
-    def _answer(self, ask: Callable[[], list[Georeferenced]]) -> None:
-        """Publishes what the engine answers; frames that it loses by an error are unplaced."""
-        engine = self.engine
-        assert engine is not None
-        found: list[Georeferenced] = []
-        reason = ""
-        with self._failures:
-            try:
-                found = ask()
-            except InputError as error:
-                reason = str(error)
-        lost = len(self._pending) - engine.waiting - len(found)
-        if lost and not reason:
-            self._say_failure()
-            reason = self._failures.last
-        for _ in range(lost):
-            taken = self._pending.popleft()
-            self._publish(Georeferenced(taken.frame, self._config.wse_m, Unplaced(reason)), taken.source_ns, engine)
-        for one in found:
-            self._publish(one, self._pending.popleft().source_ns, engine)
-
-    def _publish(self, one: Georeferenced, source_ns: int, engine: Georeferencer) -> None:
-        self.outputs.send(one, None if self._stabilized else self.camera, self._config.orientation)
-        self._publish_map(one, engine)
+    def on_answer(self, answer: Georeferenced, source_ns: int, engine: Georeferencer) -> None:
+        """See `PlacerCallbacks`."""
+        orientation = self._config.orientation
+        self.outputs.send(answer, None if self._stabilized else self.placer.camera, orientation)
         latency_ns = time.time_ns() - source_ns
-        warnings = () if one.placement is None else one.placement.warnings
-        values = georeference_values(one, self._config.orientation)
-        self.status.on_result(Result(one.frame.stamp_ns, one.reason, warnings, values, latency_ns))
-        self.outputs.send_image(one, engine)
+        self._send_map(answer, engine)
+        warnings = () if answer.placement is None else answer.placement.warnings
+        values = georeference_values(answer, orientation)
+        self.status.on_result(Result(answer.frame.stamp_ns, answer.reason, warnings, values, latency_ns))
+        self.outputs.send_image(answer, engine)
 
-    def _publish_map(self, one: Georeferenced, engine: Georeferencer) -> None:
+    def _send_map(self, answer: Georeferenced, engine: Georeferencer) -> None:
         """The origin, once it is known, and the control points where others are rejected than before."""
-        if self._origin is None and engine.local_frame is not None:
-            self._origin = engine.local_frame
-            self.outputs.send_origin(origin_cdr(one, engine.local_frame))
-        if engine.gcps is not None and one.placement is not None and one.placement.rejected != self._rejected:
-            self._rejected = one.placement.rejected
-            self.outputs.send_gcps(gcps_of_cdr(one, engine.gcps))
+        if not self._origin_said and engine.local_frame is not None:
+            self._origin_said, self.placer.origin = True, engine.local_frame
+            self.outputs.send_origin(origin_cdr(answer, engine.local_frame))
+        if engine.gcps is not None and answer.placement is not None and answer.placement.rejected != self._rejected:
+            self._rejected = answer.placement.rejected
+            self.outputs.send_gcps(gcps_of_cdr(answer, engine.gcps))
 
     # warnings and diagnostics ----------------------------------------------------------------------------------------
     def _tell_of_reset(self, told: Told) -> None:
@@ -425,9 +305,21 @@ class GeoreferenceNode(StabNode):
         self.status.warn(kind, text)
         self._warnings.log(kind, text)
 
+    @property
+    def _lens_is_left(self) -> bool:
+        """Whether homographies are of distorted pixels, though the distortion is known."""
+        camera, motions = self.placer.camera, self._motions
+        if self._stabilized or camera is None or motions is None or motions.reference_size is None:
+            return False
+        return camera.distorts and motions.camera is None
+
     def _report(self) -> None:
-        self.status.before, self.status.unmade = self._images.before, self._unmade
-        self.status.doubts = () if self.engine is None else self.engine.doubts
+        self.status.before, self.status.unmade = self._images.before, self.placer.unmade
+        of_engine = () if self.placer.engine is None else self.placer.engine.doubts
+        self.status.doubts = (*of_engine, *([_LENS] if self._lens_is_left else []))
+        if self._failures.count > self.status.errors:
+            self.status.errors = self._failures.count
+            self.status.warn("internal", self._failures.last)
         self.publish_diagnostics(self.status.report(self.free.ns))
 
     # parameters ------------------------------------------------------------------------------------------------------
@@ -435,9 +327,7 @@ class GeoreferenceNode(StabNode):
         values = {**self.values, **changed}
         config = georeference_config(values)
         check_georeference(values)
-        engine = None if self.engine is None else self._made(values, self._size)
-        self._unmade, self._rejected = "", None
+        self.placer.change(values)
+        self._rejected = None
         self.values, self._config, self.status.orientation = values, config, config.orientation
-        if engine is not None:
-            self._use(engine)
         self._open_inputs()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,11 +81,12 @@ class MotionInput:
         self._pass_on(pairs if self._track.publishers else [*pairs, *self._pairing.flush()])
 
     def _learn(self, cdr: bytes, ref_H_cur: Homography | None) -> None:
-        """Size and calibration, from the first homography that has them."""
+        """Size and calibration, from the first homography that has them; those of other programs may lack them."""
         if ref_H_cur is not None and self.reference_size is None:
-            camera = read_camera(cdr)
-            self.reference_size = camera.size
-            self.camera = None if np.array_equal(camera.K, np.eye(3)) else camera
+            with suppress(MessageError):
+                camera = read_camera(cdr)
+                self.reference_size = camera.size
+                self.camera = None if np.array_equal(camera.K, np.eye(3)) else camera
 
     def _on_track(self, cdr: bytes, _info: Mapping[str, int]) -> None:
         try:

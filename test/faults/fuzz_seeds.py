@@ -48,6 +48,8 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from stab_ros.core.types import LostReason, State, Track
+from stab_ros.imaging.window import Window
 from stab_ros.io.cdr import (
     CAMERA_INFO,
     COMPRESSED_IMAGE,
@@ -57,9 +59,11 @@ from stab_ros.io.cdr import (
     NAV_SAT_FIX,
     POINT_STAMPED,
     QUATERNION_STAMPED,
+    Header,
 )
 from stab_ros.io.coded_message import CDR_DEFINITIONS
 from stab_ros.io.encodings import DECODED
+from stab_ros.io.track_message import track_cdr
 
 _TIME = JAZZY.types["builtin_interfaces/msg/Time"](sec=1_700_000_000, nanosec=123)
 _HEADER = JAZZY.types["std_msgs/msg/Header"](stamp=_TIME, frame_id="cam")
@@ -343,6 +347,12 @@ def homography_tables() -> Iterator[bytes]:
     yield f'{header},matches\r\n0,1,"LOST",,,,,,,,,,7\r\n'.encode()
 
 
+def tracks() -> Iterator[bytes]:
+    for track in (Track(State.LOST, 0, 10**9, 0, 2, lost_reason=LostReason.NO_TEXTURE),
+                  Track(State.TRACKED, 1, 2 * 10**9, 0, 2, 50, 40, np.eye(3), np.eye(8) / 7, 0.2, 0.1)):
+        yield track_cdr(track, Header(track.stamp_ns, "cam"), Window(-10, 20, (640, 480), 0.5))
+
+
 def parameter_files() -> Iterator[bytes]:
     yield (b"/**:\n  ros__parameters:\n    method: klt\n    min_inliers: 12\n    direct: {patches: 300}\n"
            b"    output_roi: '0, 0, 100, 100'\n    use_camera_info: true\n")
@@ -391,7 +401,8 @@ SEEDS: dict[str, Callable[[], Iterator[bytes]]] = {
     "image": images, "stamp": images, "compressed": compressed_images, "tiff_webp": compressed_tiff_and_webp,
     "compressed_depth": compressed_depths, "png_with_crc": png_files, "jpeg": jpeg_files,
     "coded": coded_messages, "definition": definitions, "coded_video": coded_videos, "ros1_mcap": ros1_mcap_files,
-    "camera": camera_infos, "homography": camera_infos, "mcap": mcap_files, "db3": db3_files, "bag": bag_files,
+    "camera": camera_infos, "homography": camera_infos, "track": tracks, "mcap": mcap_files, "db3": db3_files,
+    "bag": bag_files,
     "tiff": tiff_files, "photo": photos,
     "metadata": metadata_files, "points": points_tables, "point_list": point_lists, "polygons": polygons,
     "polygon_file": polygons, "mask": png_files, "static_map": png_files, "homographies": homography_tables,

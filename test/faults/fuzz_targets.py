@@ -34,6 +34,7 @@ from stab_ros.io.regions import read_area
 from stab_ros.io.static_maps import read_static_map
 from stab_ros.io.stored_image import stored_images
 from stab_ros.io.tiff_pages import DamagedTiffError
+from stab_ros.io.track_message import read_track
 from stab_ros.io.video import VideoFile
 from stab_ros.io.video_pictures import VideoPictures
 from stab_ros.io.water_level_message import WATER_LEVEL_TYPES, read_water_level
@@ -230,6 +231,7 @@ TARGETS: dict[str, Target] = {
     "coded_video": Target(_coded_video, 30),
     "camera": Target(read_camera, 90),
     "homography": Target(read_homography, 70),
+    "track": Target(read_track, 30, (*_NUMBERS, b" ", b"covariance", b"offset", b"scale", b"reset_counter")),
     "stamp": Target(read_stamp, 40),
     "fix": Target(_fix, 30),
     "attitude": Target(_attitude, 30),

@@ -65,6 +65,7 @@ class GeoreferencedStream:
         self._images = graph.speak(Image, f"/cam/{settings.get('input', 'image_raw')}")
         self._homographies: Any = None
         self._tracks: Any = None
+        self._tracked: Camera | None = None
 
     def show(self, frame: Frame) -> None:
         message = image_message(frame.image, frame.stamp_ns)
@@ -74,8 +75,9 @@ class GeoreferencedStream:
         """An image, whatever it is."""
         self._images.publish(message)
 
-    def start_tracker(self, track: bool = True) -> None:
-        """It can tell of frames from now on. track: it publishes its tracks, too."""
+    def start_tracker(self, track: bool = True, camera: Camera | None = CAMERA) -> None:
+        """It can tell of frames from now on. track: it publishes its tracks, too. camera: whose lens it removes."""
+        self._tracked = camera
         self._homographies = self.graph.speak(CameraInfo, "/cam/homography")
         self._tracks = self.graph.speak(DiagnosticArray, "/cam/tracker_node/track") if track else None
 
@@ -86,7 +88,7 @@ class GeoreferencedStream:
         values = Track(State.LOST, 0, stamp_ns, 0, 0, lost_reason=LostReason.NO_TEXTURE) if told is None else Track(
             State.TRACKED, 0, stamp_ns, 0, told.reset_counter, ref_H_cur=told.ref_H_cur, covariance=told.covariance)
         header = Header(stamp_ns, "cam")
-        self._homographies.publish(homography_cdr(values, header, SIZE, CAMERA))
+        self._homographies.publish(homography_cdr(values, header, SIZE, self._tracked))
         if self._tracks is not None:
             self._tracks.publish(track_cdr(values, header))
 

@@ -10,11 +10,13 @@ from diagnostic_msgs.msg import DiagnosticArray
 from message_makers import HEADER
 from rclpy.serialization import deserialize_message
 
+from stab_ros.core.errors import MessageError
 from stab_ros.core.row_shifts import RowShifts
 from stab_ros.core.types import FloatArray, LostReason, ResetReason, State, Track
+from stab_ros.imaging.window import Window
 from stab_ros.io.cdr import read_stamp
-from stab_ros.io.diagnostics_message import read_values
-from stab_ros.io.track_message import track_cdr
+from stab_ros.io.diagnostics_message import OK, read_values, status_cdr
+from stab_ros.io.track_message import read_track, track_cdr
 
 TILTED = np.array([[1.01, 0.02, -7.3], [-0.015, 0.99, 4.6], [1e-5, -2e-5, 1.0]])
 
@@ -54,3 +56,24 @@ def test_track_while_lost_leaves_the_unknown_empty() -> None:
     values = read_values(track_cdr(replace(track(None), matches=7), HEADER))
     assert (values["state"], values["matches"], values["lost_reason"]) == ("LOST", "7", "too few inliers")
     assert values["rmse_px"] == values["sigma_px"] == values["covariance"] == ""
+
+
+def test_track_is_read_as_it_was_written() -> None:
+    window = Window(-100, 40, (800, 600), 0.5)
+    sent = replace(track(TILTED), covariance=np.eye(8) + np.ones((8, 8)) / 3)
+    read = read_track(track_cdr(sent, HEADER, window))
+    assert (read.stamp_ns, read.reset_counter) == (HEADER.stamp_ns, 1)
+    assert read.covariance is not None
+    np.testing.assert_array_equal(read.covariance, sent.covariance)
+    np.testing.assert_allclose(read.window_H_ref, window.window_H_cur(np.eye(3)), rtol=0, atol=1e-9)
+    assert read_track(track_cdr(track(None), HEADER)).covariance is None
+
+
+@pytest.mark.parametrize("wrong", [
+    {"covariance": "1 2"}, {"covariance": "nan " * 36}, {"scale": "0"}, {"offset": "1"}, {"reset_counter": "x"}])
+def test_track_of_another_program_is_refused(wrong: dict[str, str]) -> None:
+    values = read_values(track_cdr(track(TILTED), HEADER)) | wrong
+    with pytest.raises(MessageError, match="as the tracker writes them"):
+        read_track(status_cdr(HEADER, "track", "", OK, "", values))
+    with pytest.raises(MessageError):
+        read_track(status_cdr(HEADER, "track", "", OK, "", {}))

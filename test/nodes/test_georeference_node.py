@@ -179,6 +179,16 @@ def test_new_reference_is_told(graph: Graph) -> None:
     assert not any(stream.infos[1].k)
 
 
+def test_tracker_that_leaves_the_lens_is_told_of(graph: Graph) -> None:
+    """And tells no tracks, as a program that is not ours."""
+    stream = GeoreferencedStream(graph, MOVING, image=False)
+    stream.start_tracker(track=False, camera=None)
+    stream.show(shot(0))
+    stream.tell(shot(0).stamp_ns, motion(0))
+    assert stream.until_answered(1)[0]["state"] == "PLACED"
+    stream.until_said("the tracker does not remove the distortion of this lens")
+
+
 @pytest.mark.parametrize("kind", [Float64, PointStamped])
 def test_water_level_holds_from_its_stamp_on(graph: Graph, kind: Any) -> None:
     stream = GeoreferencedStream(graph, NADIR, image=False)

@@ -8,10 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import QuaternionStamped
+from conftest import Command
+from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, QuaternionStamped
 from georeferenced_stream import CAMERA, LATCHED, NODE, GeoreferencedStream, by_the_engine, ortho_H_image, shot
 from live_graph import Graph
-from sensor_msgs.msg import Imu, NavSatFix
+from live_graph import stamp_ns as stamp_of
+from rclpy.serialization import deserialize_message, serialize_message
+from recordings import Entry, camera_info, entries, write_mcap
+from sensor_msgs.msg import CameraInfo, Imu, NavSatFix
 from visualization_msgs.msg import MarkerArray
 
 from stab_ros.core.types import FloatArray
@@ -19,13 +23,16 @@ from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.georeferencing.samples import AttitudeSample
 from stab_ros.imaging.pose import BODY_R_OPTICAL, Pose, quaternion_of
 from stab_ros.imaging.view import View
+from stab_ros.io.bag import open_bag
+from stab_ros.io.homography_message import read_homography
+from stab_ros.synthetic.flight import Shot
 
-GPS: dict[str, Any] = {"orientation": "dynamic_gps_imu"}
+GPS: dict[str, Any] = {"orientation": "dynamic_gps_imu", "fuse_homographies": False}
 ORIGIN = LocalFrame(47.05, 8.3, 0.0)
 
 
-def stamped(message: Any, stamp_ns: int) -> Any:
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 10**9)
+def stamped(message: Any, taken_ns: int) -> Any:
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(taken_ns, 10**9)
     return message
 
 
@@ -195,3 +202,45 @@ def control_points() -> tuple[list[str], FloatArray, FloatArray]:
     ground = view.to_plane(rng.uniform((40, 40), (360, 260), (8, 2)), 0.0)
     places = np.column_stack([ground[:, :2], rng.uniform(-2, 3, 8)])
     return [f"p{number}" for number in range(8)], places, np.asarray(view.project(places))
+
+
+def test_one_bag_gives_the_same_live_and_from_the_command(
+    graph: Graph, flight: list[Shot], executable: Command, tmp_path: Path
+) -> None:
+    """Images, calibration, fixes, attitudes and levels of one recording, at a hundred times its speed."""
+    info = camera_info(CAMERA.K, CAMERA.D.tolist(), (480, 270), flight[0].stamp_ns)
+    until_ns = flight[-1].stamp_ns + 200_000_000
+    messages = [Entry("/cam/camera_info", "sensor_msgs/msg/CameraInfo", 10**9 - 1, info), *entries(flight)]
+    for topic, kind, make, every_ms in (("fix", "sensor_msgs/msg/NavSatFix", fix_message, 100),
+                                        ("imu", "sensor_msgs/msg/Imu", imu_message, 20),
+                                        ("water_level", "geometry_msgs/msg/PointStamped", level_message, 300)):
+        messages += [Entry(f"/cam/{topic}", kind, stamp_ns + 5_000_000, bytes(serialize_message(make(stamp_ns))))
+                     for stamp_ns in range(10**9 - 130_000_000, until_ns, every_ms * 1_000_000)]
+    flown = write_mcap(tmp_path / "flown.mcap", sorted(messages, key=lambda one: one.log_time_ns))
+    infos, poses = graph.listen(CameraInfo, "/cam/ortho_info"), graph.listen(PoseWithCovarianceStamped, f"{NODE}/pose")
+    graph.start("georeference_node", "/cam", queue_depth=0, wait_for_subscribers=1, attitude="imu",
+                water_level_type="PointStamped", **GPS)
+    player = graph.start("bag_player_node", bag=str(flown), wait_for_subscribers=1, rate=100.0)
+    assert player.wait() == 0
+    graph.until(lambda: len(infos) == len(poses) == len(flight), "every frame placed")
+
+    given = [word for name, value in GPS.items() for word in ("-p", f"{name}:={str(value).lower()}")]
+    done = executable("georeference", flown, tmp_path / "offline.mcap", *given)
+    assert done.returncode == 0, done.stderr
+    with open_bag(tmp_path / "offline.mcap") as bag:
+        same = [read_homography(one.data) for one in bag.messages(["/cam/ortho_info"])]
+        origins = [deserialize_message(one.data, NavSatFix) for one in bag.messages([f"{NODE}/origin"])]
+    assert [stamp_of(one) for one in infos] == [stamp for stamp, _ in same] == [one.stamp_ns for one in flight]
+    for live, (_, H) in zip(infos, same, strict=True):
+        assert H is not None
+        np.testing.assert_allclose(ortho_H_image(live), H, rtol=1e-9, atol=1e-9)
+    heard = graph.listen(NavSatFix, f"{NODE}/origin", LATCHED)
+    graph.until(lambda: heard, "the origin")
+    assert [(one.latitude, one.longitude, one.altitude) for one in heard] == [
+        (one.latitude, one.longitude, one.altitude) for one in origins]
+
+
+def level_message(stamp_ns: int) -> Any:
+    message = stamped(PointStamped(), stamp_ns)
+    message.point.z = 0.5 * (stamp_ns / 1e9 - 1)
+    return message
