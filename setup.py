@@ -28,6 +28,7 @@ setup(
         (SHARE, ["package.xml"]),
         files_in("launch"),
         files_in("config"),
+        files_in("config/cameras"),
         files_in("config/sros2"),
         files_in("bags"),
     ],
