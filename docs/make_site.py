@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[1]
 PAGES = ROOT / "build/pages"
 SITE = ROOT / "site"
 DIAGRAMS = ROOT / "docs/diagrams"
-_COLLECTED = ("*.md", "LICENSE", "package.xml", "docs/**/*.md", "docs/**/*.png", "docs/*.py", "bench/*.md",
+_COLLECTED = ("*.md", "LICENSE", "package.xml", "docs/**/*.md", "docs/**/*.png", "docs/images/*.svg", "docs/*.py", "bench/*.md",
               "bench/results/*.md", "examples/*", "config/sros2/policy.xml")
 _INLINE = re.compile(r'<span class="arithmatex">\\\((.+?)\\\)</span>', re.DOTALL)
 _BLOCK = re.compile(r'<div class="arithmatex">\\\[(.+?)\\\]</div>', re.DOTALL)
