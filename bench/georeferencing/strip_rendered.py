@@ -1,12 +1,11 @@
 """The reach of `strip.py` on rendered pictures, with the stabiliser itself (`reference:=keyframe`).
 
-    .venv/bin/python bench/georeferencing/strip_rendered.py [--every N] [--pictures FOLDER]
+    .venv/bin/python bench/georeferencing/strip_rendered.py [--scene NAME] [--every N] [--pictures FOLDER]
 
-The pictures are those of `survey("strip")` (180 m, 46 m high, 5 km/h, 1360x765): water over half of the image, banks
-with relief, trees, noise. Checkpoints are the boards on the banks; control points those at the ends. The place of a
+The pictures are those of `survey("level_strip")` (180 m, 46 m high, 5 km/h, 1360x765): water over half of the image,
+banks 0.25 m above it, noise; those of `strip` have banks of 1.6 m, trees and boulders. Checkpoints are the boards on the banks; control points those at the ends. The place of a
 checkpoint is where the pose of a frame puts the exact pixel of it, at its height. One frame takes 1 to 3 s to render;
-with --pictures they are kept in a folder and rendered once. With few frames a second (--every 5) the start-up does not
-tell banks from water: the stabiliser then follows the river.
+with --pictures they are kept in a folder and rendered once.
 """
 
 from __future__ import annotations
@@ -175,10 +174,11 @@ def table(strip: Strip, slow_share: float) -> None:
 def main() -> None:
     """Renders, registers, and prints the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scene", choices=("level_strip", "strip"), default="level_strip", help="banks of the reach")
     parser.add_argument("--every", type=int, default=1, help="take every n-th frame of 1251")
     parser.add_argument("--pictures", type=Path, help="folder in which pictures are kept")
     given = parser.parse_args()
-    flight = SurveyFlight(survey("strip"))
+    flight = SurveyFlight(survey(given.scene))
     frames = range(0, len(flight), given.every)
     sightings = registered(flight, frames, given.pictures)
     lost = sum(one.ref_H_cur is None for one in sightings)
