@@ -3,7 +3,8 @@
     .venv/bin/python bench/georeferencing/strip_rendered.py [--scene NAME] [--every N] [--pictures FOLDER]
 
 The pictures are those of `survey("level_strip")` (180 m, 46 m high, 5 km/h, 1360x765): water over half of the image,
-banks 0.25 m above it, noise; those of `strip` have banks of 1.6 m, trees and boulders. Checkpoints are the boards on the banks; control points those at the ends. The place of a
+banks 0.25 m above it, noise; those of `strip` have banks of 1.6 m, trees and boulders. Checkpoints are the boards on
+the banks; control points those at the ends. The place of a
 checkpoint is where the pose of a frame puts the exact pixel of it, at its height. One frame takes 1 to 3 s to render;
 with --pictures they are kept in a folder and rendered once.
 """
