@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TypeAlias
+
 import cv2
 import numpy as np
 
 from lies import textures
 from lies.draw import Recipe
-from stab_ros.core.types import Float32Array, FloatArray, Gray, Homography
+from stab_ros.core.types import Float32Array, FloatArray, Gray, Homography, Image
+
+Shutter: TypeAlias = Callable[[Image], Image]  # what a shutter makes of a picture that it reads row by row
 
 _FINE, _COARSE = 2.37, 1.61  # texels per px, up to 960 px of width and beyond; no whole numbers: errors average out
 _HALVED = np.array([[0.5, 0, -0.25], [0, 0.5, -0.25], [0, 0, 1.0]])  # from the pixels of a picture twice as large
@@ -32,20 +37,24 @@ class Scene:
         H = self._texel_H_world @ world_H_cur @ _HALVED
         large = cv2.warpPerspective(self._ground, H, (2 * width, 2 * height),
                                     flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REFLECT_101)
-        land = cv2.resize(self._swung(large, k), self._size, interpolation=cv2.INTER_AREA)
-        return land if self._river is None else self._river.over(land, world_H_cur, k)
+        land: Float32Array = cv2.resize(self._swung(large, k), self._size, interpolation=cv2.INTER_AREA)
+        if self._river is None:
+            return land
+        return self._river.over(land, world_H_cur, k, lambda seen: self._swung(seen, k))
 
-    def _swung(self, large: Float32Array, k: int) -> Float32Array:
+    def _swung(self, picture: Image, k: int) -> Image:
         """Rows shifted to and fro by vibration; no more than that which no homography takes up."""
         if not self._recipe.jello_px:
-            return large
-        rows = np.linspace(-1, 1, large.shape[0])
+            return picture
+        rows = np.linspace(-1, 1, picture.shape[0])
         swing = np.sin(np.pi * rows * self._swings + 2 * np.pi * self._phase * k)
         low_order = np.vander(rows, 3)
         swing -= low_order @ np.linalg.lstsq(low_order, swing, rcond=None)[0]
-        x = np.arange(large.shape[1]) + 2 * self._recipe.jello_px * swing[:, None]
-        y = np.broadcast_to(np.arange(large.shape[0], dtype=np.float32)[:, None], x.shape)
-        return np.asarray(cv2.remap(large, x.astype(np.float32), y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+        scale = picture.shape[1] / self._size[0]
+        x = np.arange(picture.shape[1]) + scale * self._recipe.jello_px * swing[:, None]
+        y = np.broadcast_to(np.arange(picture.shape[0], dtype=np.float32)[:, None], x.shape)
+        x = x.astype(np.float32)
+        return np.asarray(cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 
 
 class River:
@@ -62,12 +71,12 @@ class River:
         self._level, self._strength = rng.uniform(60, 130), rng.uniform(0.25, 1.0)
         self._glint = rng.uniform(0, 1, 2) * recipe.size
 
-    def over(self, land: Float32Array, world_H_cur: Homography, k: int) -> Float32Array:
-        """The picture of the land, where there is no water, and of the water at frame k."""
+    def over(self, land: Float32Array, world_H_cur: Homography, k: int, shutter: Shutter) -> Float32Array:
+        """The picture of the land, where there is no water, and of the water at frame k, seen by the same shutter."""
         alpha = cv2.warpPerspective(self._mask, self._mask_H_world @ world_H_cur, self._recipe.size,
                                     flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE)
-        share = alpha.astype(np.float32) / 255
-        return np.asarray(cv2.blendLinear(self._water(world_H_cur, k), land, share, 1 - share))
+        share = shutter(alpha).astype(np.float32) / 255
+        return np.asarray(cv2.blendLinear(shutter(self._water(world_H_cur, k)), land, share, 1 - share))
 
     def _water(self, world_H_cur: Homography, k: int) -> Float32Array:
         main = self._layer(0, world_H_cur, self._flow * k)
