@@ -46,14 +46,20 @@ def _inode(path: Path) -> int:
         return 0
 
 
+def parameters_of(name: str, bag: Path, output: Path) -> dict[str, Any]:
+    """What a node cannot do without."""
+    needed: dict[str, dict[str, Any]] = {
+        "georeference_node": {"orientation": "stationary_nadir", "height_m": 30.0},
+        "bag_player_node": {"bag": str(bag), "loop": True},
+        "bag_recorder_node": {"output": str(output)},
+    }
+    return needed.get(name, {})
+
+
 def started(graph: Graph, name: str, flight: list[Shot], folder: Path) -> NodeProcess:
     """A node at work."""
     bag = write_mcap(folder / "in.mcap", list(entries(flight)))
-    arguments: dict[str, dict[str, Any]] = {
-        "bag_player_node": {"bag": str(bag), "loop": True, "rate": 1.0},
-        "bag_recorder_node": {"output": str(folder / "out.mcap")},
-    }
-    node = graph.start(name, "/cam", **arguments.get(name, {}))
+    node = graph.start(name, "/cam", **parameters_of(name, bag, folder / "out.mcap"))
     graph.until(lambda: graph.node.count_publishers("/diagnostics") >= 1, f"{name} at work")
     graph.until(lambda: opened(node.process.pid), "its shared memory")
     return node
@@ -93,18 +99,13 @@ def runs_our_code(maps: Path) -> bool:
     return "/numpy/" in maps.read_text()
 
 
-
 @pytest.mark.parametrize("name", NODES)
 def test_sigint_at_every_moment_of_the_start(graph: Graph, flight: list[Shot], tmp_path: Path, name: str) -> None:
     bag = write_mcap(tmp_path / "in.mcap", list(entries(flight)))
     used: set[Segment] = set()
     for step in range(6):
-        arguments: dict[str, dict[str, Any]] = {
-            "bag_player_node": {"bag": str(bag), "loop": True},
-            "bag_recorder_node": {"output": str(tmp_path / f"out{step}.mcap")},
-        }
         before = present()
-        node = graph.start(name, **arguments.get(name, {}))
+        node = graph.start(name, **parameters_of(name, bag, tmp_path / f"out{step}.mcap"))
         maps = Path(f"/proc/{node.process.pid}/maps")  # before numpy it is Python itself that starts
         graph.until(partial(runs_our_code, maps), "our own code")
         time.sleep(0.35 * step)
