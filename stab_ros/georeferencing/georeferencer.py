@@ -170,6 +170,8 @@ class Georeferencer:
         found = []
         while self._waiting and self._is_ready():
             found.append(self._answer(*self._waiting.popleft()))
+        if found:
+            self._sensors.forget_before(found[-1].frame.stamp_ns)
         return found
 
     def finish(self) -> list[Georeferenced]:

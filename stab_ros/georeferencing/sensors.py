@@ -10,6 +10,8 @@ from stab_ros.georeferencing.interpolation import Sample
 from stab_ros.georeferencing.pose_track import repeats
 from stab_ros.georeferencing.samples import AttitudeSample, PositionSample
 
+_KEPT_NS = 180_000_000_000  # before the last frame; checks look back 90 s
+
 
 class Sensors:
     """What the sensors have told so far; a position that repeats the one before is no new one."""
@@ -31,6 +33,11 @@ class Sensors:
         """Takes an attitude, on the clock of the sensor; a second one of the same stamp is left out."""
         sample = replace(sample, stamp_ns=sample.stamp_ns + self._offset_ns)
         _insert(self.attitudes, bisect.bisect_left(self.attitudes, sample.stamp_ns, key=_stamp_ns), sample)
+
+    def forget_before(self, stamp_ns: int) -> None:
+        """Lets go what is of no use to a frame of this stamp or later ones, so that memory is bounded."""
+        for samples in (self.positions, self.attitudes):
+            del samples[: bisect.bisect_left(samples, stamp_ns - _KEPT_NS, key=_stamp_ns)]
 
     def cover(self, stamp_ns: int) -> bool:
         """Whether both sensors have told of a time at this stamp or after it."""

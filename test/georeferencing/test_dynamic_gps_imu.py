@@ -20,7 +20,7 @@ from stab_ros.georeferencing.samples import AttitudeSample, PositionSample
 from stab_ros.georeferencing.sensors import Sensors
 from stab_ros.georeferencing.settings import GeoreferenceConfig
 from stab_ros.imaging.camera import Camera
-from stab_ros.imaging.pose import Pose
+from stab_ros.imaging.pose import BODY_R_OPTICAL, Pose, quaternion_of
 from stab_ros.imaging.view import View
 from stab_ros.synthetic.sensors import EXACT, PPK, SensorModel, SensorSamples, measured
 
@@ -209,3 +209,26 @@ def test_sensors_that_agree_are_not_doubted() -> None:
     answer = _long(0.0).placement
     assert answer is not None
     assert not answer.warnings
+
+
+def test_a_long_flight_lets_its_samples_go_and_is_placed_the_same() -> None:
+    """Ten minutes of sensors, a frame each 10 s: at most the last three minutes are kept."""
+    sensors = Sensors(0.0)
+    config = GeoreferenceConfig(orientation="dynamic_gps_imu")
+    engine = Georeferencer(config, CAMERA, make_orientation(config, CAMERA, True, sensors=sensors), sensors)
+    places = []
+    for number in range(1201):
+        pose, stamp_ns = _pose_at(number / 2), FIRST_NS + number * 500_000_000
+        map_R_body = (BODY_R_OPTICAL @ pose.cam_R_map).T
+        engine.add_position(PositionSample(stamp_ns, pose.position_m, 1e-4 * np.eye(3)))
+        engine.add_attitude(AttitudeSample(stamp_ns, quaternion_of(map_R_body)))
+        if number % 20 == 10:
+            engine.add_frame(Frame(PICTURE, "mono8", stamp_ns))
+        places += [answer.placement for answer in engine.answers()]
+    assert len(places) == 60
+    assert len(sensors.positions) < 400
+    assert len(sensors.attitudes) < 400
+    for number, place in enumerate(places):
+        assert place is not None
+        truth = View(CAMERA, _pose_at(10 * number + 5)).to_plane(PIXELS, 0.0)
+        assert np.allclose(apply(place.map_H_image, PIXELS), truth, atol=1e-6)
