@@ -127,4 +127,5 @@ if __name__ == "__main__":
     print("PPK: 2 cm and 0.05 degrees, white noise")
     table(PPK, FusionSettings(slow_share=0.0), range(1, 4))
     print("PPK whose noise is half slow (60 s)")
-    table(replace(PPK, position_sigma_m=(0.014,) * 3, drift_sigma_m=(0.014,) * 3), FusionSettings(), range(1, 4))
+    slow = replace(PPK, position_sigma_m=(0.014,) * 3, drift_sigma_m=(0.014,) * 3)
+    table(slow, FusionSettings(slow_share=0.5), range(1, 4))

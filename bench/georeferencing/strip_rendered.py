@@ -135,9 +135,9 @@ def by_keyframes(strip: Strip) -> Poses:
             yield pose_of_plane(camera, normalized(map_H_ref @ one.ref_H_cur), strip.plane_m)
 
 
-def fused(strip: Strip, slow_share: float, with_gcps: bool) -> Poses:
+def fused(strip: Strip, with_gcps: bool) -> Poses:
     """Each frame by all."""
-    fusion = Fusion(strip.camera, FusionSettings(strip.plane_m, slow_share))
+    fusion = Fusion(strip.camera, FusionSettings(strip.plane_m))
     for k, sighting in zip(strip.frames, strip.sightings, strict=True):
         answer = fusion.update(sighting, strip.prior(k), strip.by_gcps(k) if with_gcps else None)
         yield answer.pose if isinstance(answer, Fused) else None
@@ -158,13 +158,13 @@ def errors_of(strip: Strip, poses: Poses) -> tuple[float, float, float]:
     return float(np.sqrt(np.mean(single**2))), float(np.sqrt(np.mean(mean**2))), float(mean.max())
 
 
-def table(strip: Strip, slow_share: float) -> None:
+def table(strip: Strip) -> None:
     """Prints the ways side by side."""
     ways: dict[str, Callable[[], Poses]] = {
         "GPS and IMU alone": lambda: by_sensors(strip),
         "keyframes alone": lambda: by_keyframes(strip),
-        "fused": lambda: fused(strip, slow_share, with_gcps=False),
-        "fused, GCPs at the ends": lambda: fused(strip, slow_share, with_gcps=True),
+        "fused": lambda: fused(strip, with_gcps=False),
+        "fused, GCPs at the ends": lambda: fused(strip, with_gcps=True),
     }
     print(f"{'m':28}{'frame RMS':>10}{'mean RMS':>10}{'mean max':>10}")
     for name, way in ways.items():
@@ -185,10 +185,10 @@ def main() -> None:
     lost = sum(one.ref_H_cur is None for one in sightings)
     print(f"{len(frames)} frames, {lost} lost, {sightings[-1].reset_counter} resets")
     print("PPK: 2 cm and 0.05 degrees, white noise")
-    table(Strip(flight, frames, sightings), 0.0)
+    table(Strip(flight, frames, sightings))
     print("PPK whose positions are half slow (60 s)")
     slow = replace(PPK, position_sigma_m=(0.014,) * 3, drift_sigma_m=(0.014,) * 3)
-    table(Strip(flight, frames, sightings, slow), 0.5)
+    table(Strip(flight, frames, sightings, slow))
 
 
 if __name__ == "__main__":

@@ -57,7 +57,7 @@ class FusionSettings:
     """
 
     plane_m: float = 0.0
-    slow_share: float = 0.5
+    slow_share: float = 0.0
     position_memory_s: float = 60.0
     attitude_memory_s: float = 60.0
     model_px: float = 0.1

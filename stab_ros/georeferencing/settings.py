@@ -72,7 +72,7 @@ class GeoreferenceConfig(Checked):
         True, "Whether dynamic_gps_imu takes homographies too, where there are any: they tell relative motion, the "
         "sensors where it begins")
     sensor_slow_share: float = setting(
-        0.5, "Share of the variance of the sensors that changes slowly, over about a minute; the rest is new in each "
+        0.0, "Share of the variance of the sensors that changes slowly, over about a minute; the rest is new in each "
         "sample and averages out where homographies are fused", 0.0, 0.99)
     fix_height_offset_m: float = setting(
         0.0, "Metres to add to the heights of fixes to get those of the map: minus the undulation of the geoid for "
