@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import json
-import signal
 import subprocess
 import tempfile
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import cv2
-import numpy as np
 from effort import Effort
-from live_processes import ProcessSample, start_python, there_and_back, write_loop
+from live_processes import ProcessSample, encoded, start_python, stopped, there_and_back, write_loop
 from scenes import HD, UHD, Scene, render
 from spread import Spread
 from tables import Section, Table, number
-
-from stab_ros.core.types import Frame
 
 SHARED_MEMORY = Path("/dev/shm") if Path("/dev/shm").is_dir() else None
 _HERE = Path(__file__).resolve().parent
@@ -87,7 +82,7 @@ def measure(effort: Effort) -> Section:
 def _run(case: LiveCase, scene: Scene, seconds: float) -> LiveResult:
     with tempfile.TemporaryDirectory(dir=SHARED_MEMORY) as folder:
         bag = Path(folder) / "loop.mcap"
-        write_loop(bag, (_encoded(frame, case.encoding) for frame in there_and_back(scene)))
+        write_loop(bag, (encoded(frame, case.encoding) for frame in there_and_back(scene)))
         tracker = _start("-m", "stab_ros.nodes.tracker", "--ros-args", "-p", f"threads:={case.threads}",
                          "-p", "wait_for_subscribers:=1")
         follower = _start(str(_HERE / "one_follower.py"), str(int(case.images)))
@@ -95,23 +90,12 @@ def _run(case: LiveCase, scene: Scene, seconds: float) -> LiveResult:
         samples = _watched(tracker, camera)
         sent_ns = json.loads(camera.communicate()[0])
         time.sleep(1.0)
-        said = [_stopped(process) for process in (tracker, follower)][-1]
+        said = [stopped(process) for process in (tracker, follower)][-1]
     return _result(sent_ns, json.loads(said), samples)
-
-
-def _encoded(frame: Frame, encoding: str) -> Frame:
-    if encoding == "mono8":
-        return frame
-    return replace(frame, image=np.asarray(cv2.cvtColor(frame.image, cv2.COLOR_GRAY2BGR)), encoding=encoding)
 
 
 def _start(*arguments: str) -> subprocess.Popen[bytes]:
     return start_python(_DOMAIN, *arguments, stdout=subprocess.PIPE)
-
-
-def _stopped(process: subprocess.Popen[bytes]) -> bytes:
-    process.send_signal(signal.SIGINT)
-    return process.communicate()[0]
 
 
 def _watched(tracker: subprocess.Popen[bytes], camera: subprocess.Popen[bytes]) -> list[ProcessSample]:

@@ -7,24 +7,19 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
-import numpy as np
-from live_processes import ProcessSample, start_python, there_and_back, write_loop
+from live_processes import ProcessSample, encoded, start_python, stopped, there_and_back, write_loop
 from machine import use_two_cores
 from scenes import HD, Scene, render
 from spread import Spread
 from tables import Table, number
-
-from stab_ros.core.types import Frame
 
 SHARED_MEMORY = Path("/dev/shm") if Path("/dev/shm").is_dir() else None
 _HERE = Path(__file__).resolve().parent
@@ -66,7 +61,7 @@ def main(seconds: float) -> None:
 def _run(case: OrthoCase, scene: Scene, seconds: float) -> tuple[str, ...]:
     with tempfile.TemporaryDirectory(dir=SHARED_MEMORY) as folder:
         bag = Path(folder) / "loop.mcap"
-        write_loop(bag, (_encoded(frame, case.encoding) for frame in there_and_back(scene)))
+        write_loop(bag, (encoded(frame, case.encoding) for frame in there_and_back(scene)))
         ortho = _start("-m", "stab_ros.nodes.georeference", "--ros-args", "-p", "orientation:=dynamic_stabilization",
                        "-p", f"height_m:={_HEIGHT_M}", "-p", "wait_for_subscribers:=1")
         tracker = _start("-m", "stab_ros.nodes.tracker", "--ros-args", "-p", "use_camera_info:=true", "-p",
@@ -76,23 +71,12 @@ def _run(case: OrthoCase, scene: Scene, seconds: float) -> tuple[str, ...]:
         samples = _watched((tracker, ortho), camera)
         sent_ns = json.loads(camera.communicate()[0])
         time.sleep(1.0)
-        said = [_stopped(process) for process in (tracker, ortho, follower)][-1]
+        said = [stopped(process) for process in (tracker, ortho, follower)][-1]
     return _row(case, sent_ns, json.loads(said), samples)
-
-
-def _encoded(frame: Frame, encoding: str) -> Frame:
-    if encoding == "mono8":
-        return frame
-    return replace(frame, image=np.asarray(cv2.cvtColor(frame.image, cv2.COLOR_GRAY2BGR)), encoding=encoding)
 
 
 def _start(*arguments: str) -> subprocess.Popen[bytes]:
     return start_python(_DOMAIN, *arguments, stdout=subprocess.PIPE)
-
-
-def _stopped(process: subprocess.Popen[bytes]) -> bytes:
-    process.send_signal(signal.SIGINT)
-    return process.communicate()[0]
 
 
 def _watched(nodes: tuple[subprocess.Popen[bytes], ...], camera: subprocess.Popen[bytes]) -> list[

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Any
 
+import cv2
+import numpy as np
 from scenes import Scene
 
 from stab_ros.core.types import Frame
@@ -43,6 +46,19 @@ def start_python(domain: int, *arguments: str, stdout: int | IO[Any] | None = No
     """A Python process on a DDS domain of this machine."""
     environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     return subprocess.Popen([sys.executable, *arguments], env=environment, stdout=stdout, stderr=stderr)
+
+
+def stopped(process: subprocess.Popen[bytes]) -> bytes:
+    """What a process has printed, once it is asked to end."""
+    process.send_signal(signal.SIGINT)
+    return process.communicate()[0]
+
+
+def encoded(frame: Frame, encoding: str) -> Frame:
+    """A mono8 frame as mono8 or bgr8."""
+    if encoding == "mono8":
+        return frame
+    return replace(frame, image=np.asarray(cv2.cvtColor(frame.image, cv2.COLOR_GRAY2BGR)), encoding=encoding)
 
 
 def there_and_back(scene: Scene) -> Iterator[Frame]:

@@ -29,16 +29,18 @@ def main(with_images: bool) -> None:
     rclpy.init()
     node = rclpy.create_node("follower")
     homographies, images = list[tuple[int, float]](), list[tuple[int, float]]()
-    node.create_subscription(CameraInfo, "homography", _noting(homographies), QoSProfile(depth=100), raw=True)
+    node.create_subscription(CameraInfo, "homography", noting(homographies), QoSProfile(depth=100), raw=True)
     if with_images:
-        node.create_subscription(Image, "image_stabilized", _noting(images), QoSProfile(depth=1), raw=True)
+        node.create_subscription(Image, "image_stabilized", noting(images), QoSProfile(depth=1), raw=True)
     with suppress(KeyboardInterrupt, ExternalShutdownException):
         rclpy.spin(node)
     print(json.dumps({"homographies": homographies, "images": images}))
     rclpy.try_shutdown()
 
 
-def _noting(into: list[tuple[int, float]]) -> Callable[[bytes], None]:
+def noting(into: list[tuple[int, float]]) -> Callable[[bytes], None]:
+    """A callback that notes the stamp of a message, ns, and how late it is, ms."""
+
     def note(cdr: bytes) -> None:
         now_ns, stamp_ns = time.time_ns(), read_stamp(cdr)
         into.append((stamp_ns, (now_ns - stamp_ns) / 1e6))

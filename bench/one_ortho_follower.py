@@ -8,18 +8,16 @@ from __future__ import annotations
 
 import json
 import sys
-import time
-from collections.abc import Callable
 from contextlib import suppress
 
 import rclpy
+from one_follower import noting
 from rclpy.executors import ExternalShutdownException
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from scenes import HD
 from sensor_msgs.msg import CameraInfo, Image
 
 from stab_ros.core.memory import keep_freed_memory
-from stab_ros.io.cdr import read_stamp
 from stab_ros.nodes.transport import use_profile
 
 FOCAL_PX = 1500.0
@@ -35,9 +33,9 @@ def main(with_images: bool, k1: float) -> None:
     node.create_publisher(CameraInfo, "camera_info", latched).publish(_camera(k1))
     late: dict[str, list[tuple[int, float]]] = {"homography": [], "ortho_info": [], "image_ortho": []}
     for topic in ("homography", "ortho_info"):
-        node.create_subscription(CameraInfo, topic, _noting(late[topic]), QoSProfile(depth=100), raw=True)
+        node.create_subscription(CameraInfo, topic, noting(late[topic]), QoSProfile(depth=100), raw=True)
     if with_images:
-        node.create_subscription(Image, "image_ortho", _noting(late["image_ortho"]), QoSProfile(depth=1), raw=True)
+        node.create_subscription(Image, "image_ortho", noting(late["image_ortho"]), QoSProfile(depth=1), raw=True)
     with suppress(KeyboardInterrupt, ExternalShutdownException):
         rclpy.spin(node)
     print(json.dumps(late))
@@ -48,14 +46,6 @@ def _camera(k1: float) -> CameraInfo:
     width, height = HD
     return CameraInfo(width=width, height=height, distortion_model="plumb_bob", d=[k1, 0.0, 0.0, 0.0, 0.0],
                       k=[FOCAL_PX, 0.0, (width - 1) / 2, 0.0, FOCAL_PX, (height - 1) / 2, 0.0, 0.0, 1.0])
-
-
-def _noting(into: list[tuple[int, float]]) -> Callable[[bytes], None]:
-    def note(cdr: bytes) -> None:
-        now_ns, stamp_ns = time.time_ns(), read_stamp(cdr)
-        into.append((stamp_ns, (now_ns - stamp_ns) / 1e6))
-
-    return note
 
 
 if __name__ == "__main__":

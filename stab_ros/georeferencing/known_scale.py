@@ -10,9 +10,9 @@ import numpy as np
 from stab_ros.core.errors import ConfigError
 from stab_ros.core.types import Homography
 from stab_ros.georeferencing.settings import GeoreferenceConfig, numbers_of
+from stab_ros.georeferencing.unit_checks import FOOT_M
 from stab_ros.imaging.camera import Camera
 
-FEET_PER_M = 3.28084
 _FEET_TOLERANCE = 0.08  # relative
 _DISAGREE = 0.05  # relative difference of two scales that is warned of
 
@@ -68,7 +68,7 @@ def contradiction(used: Scale, other: Scale) -> str:
 
 def is_feet(ratio: float) -> bool:
     """Whether two lengths differ by that of a foot and a metre."""
-    return abs(abs(math.log(ratio)) - math.log(FEET_PER_M)) < _FEET_TOLERANCE
+    return abs(abs(math.log(ratio)) - math.log(1 / FOOT_M)) < _FEET_TOLERANCE
 
 
 def nadir_H(camera: Camera, gsd_m: float, yaw_rad: float) -> Homography:

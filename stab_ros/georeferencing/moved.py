@@ -15,7 +15,7 @@ from stab_ros.core.types import FloatArray, Homography
 from stab_ros.georeferencing.orientation import Answer, Unplaced
 from stab_ros.georeferencing.placement import Sighting
 from stab_ros.georeferencing.plane_pose import pose_covariance, pose_of_plane
-from stab_ros.georeferencing.posed import placement
+from stab_ros.georeferencing.posed import not_above, placement
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.pose import Pose
 
@@ -55,8 +55,7 @@ def placed_by_motion(camera: Camera, calibrated: bool, reference: ReferencePlace
         return placement(camera, map_H_ground, covariance, None, None, values, warnings)
     pose = pose_of_plane(camera, map_H_ground, reference.ground_m)
     if not pose.position_m[2] > sighting.wse_m:
-        return Unplaced(f"the water surface at {sighting.wse_m:g} m is not below the camera at "
-                        f"{pose.position_m[2]:g} m; check wse_m, and that both have one height datum")
+        return not_above(pose, sighting.wse_m)
     map_H_image, of_water = _on_water(map_H_ground, pose, reference.ground_m, sighting.wse_m)
     if covariance is None:
         return placement(camera, map_H_image, None, pose, None, values, warnings)

@@ -7,7 +7,7 @@ mount. Small rotations w of the body about the axes of the map move it by -w x (
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -112,35 +112,14 @@ class PoseTrack:
         return np.block([[by_position + lever @ turns @ lever.T, lever @ turns], [turns @ lever.T, turns]])
 
 
-def without_repeats(samples: Sequence[PositionSample], repeat_s: float = 0.5) -> list[PositionSample]:
-    """Positions without those that repeat the one before: rows at 30 Hz of a fix at 10 Hz (DJI's subtitles).
+def repeats(before: PositionSample, sample: PositionSample, repeat_s: float = 0.5) -> bool:
+    """Whether a position is the one before, given out once more: rows at 30 Hz of a fix at 10 Hz (DJI's subtitles).
 
     A repeated position would say that the drone stands still and then jumps. One that stays the same for longer than
     `repeat_s` is taken for measured: a drone on the ground.
-
-    Args:
-        samples: in the order of their stamps.
-        repeat_s: how long a position may be repeated.
-
-    Returns:
-        The samples that remain: each position with the stamp at which it came first.
     """
-    kept: list[PositionSample] = []
-    for sample in samples:
-        if not (kept and repeats(kept[-1], sample, repeat_s)):
-            kept.append(sample)
-    return kept
-
-
-def repeats(before: PositionSample, sample: PositionSample, repeat_s: float = 0.5) -> bool:
-    """Whether a position is the one before, given out once more."""
     soon = sample.stamp_ns - before.stamp_ns < repeat_s * 1e9
     return soon and bool(np.array_equal(before.position_m, sample.position_m))
-
-
-def shifted(samples: Sequence[PositionSample], time_offset_s: float) -> list[PositionSample]:
-    """Positions on the clock of the frames: `time_offset_s` is added to their stamps."""
-    return [replace(sample, stamp_ns=sample.stamp_ns + round(time_offset_s * 1e9)) for sample in samples]
 
 
 def cross_matrix(v: FloatArray) -> FloatArray:

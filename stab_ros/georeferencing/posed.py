@@ -36,14 +36,19 @@ def placed(camera: Camera, pose: Pose, pose_covariance: FloatArray | None, wse_m
         The placement; unplaced where the camera is not above the water, or sees nothing of it.
     """
     if not pose.position_m[2] > wse_m:
-        return Unplaced(f"the water surface at {wse_m:g} m is not below the camera at {pose.position_m[2]:g} m; "
-                        "check wse_m, and that both have one height datum")
+        return not_above(pose, wse_m)
     map_H_image = map_H_image_of(camera, pose, wse_m)
     covariance = None
     if pose_covariance is not None:
         J, at_wse = _derivatives(camera, pose, wse_m)
         covariance = J @ pose_covariance @ J.T + wse_sigma_m**2 * np.outer(at_wse, at_wse)
     return placement(camera, map_H_image, covariance, pose, pose_covariance, values, warnings)
+
+
+def not_above(pose: Pose, wse_m: float) -> Unplaced:
+    """Says that a camera is not above the water."""
+    return Unplaced(f"the water surface at {wse_m:g} m is not below the camera at {pose.position_m[2]:g} m; "
+                    "check wse_m, and that both have one height datum")
 
 
 def placement(camera: Camera, map_H_image: Homography, covariance: FloatArray | None, pose: Pose | None,

@@ -29,6 +29,19 @@ def read_camera(cdr: bytes | memoryview) -> Camera:
         raise MessageError(str(error)) from error
 
 
+def read_corrected(cdr: bytes | memoryview) -> tuple[tuple[int, int], Camera | None]:
+    """Size of the reference, width and height, and the camera whose lens distortion was removed, of a `homography`.
+
+    Returns:
+        The size, px, and the camera; None: with K = I no distortion was removed.
+
+    Raises:
+        MessageError: as `read_camera`.
+    """
+    camera = read_camera(cdr)
+    return camera.size, None if np.array_equal(camera.K, np.eye(3)) else camera
+
+
 def is_of(camera: Camera, cdr: bytes) -> bool:
     """Whether a CameraInfo describes this camera; one that cannot be read describes none."""
     try:

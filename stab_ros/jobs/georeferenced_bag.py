@@ -9,7 +9,7 @@ from stab_ros.georeferencing.control_points import ControlPoints
 from stab_ros.georeferencing.georeferencer import Georeferenced
 from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.imaging.camera import Camera
-from stab_ros.io.bag import BagWriter, Message, topic_of
+from stab_ros.io.bag import BagWriter, Message
 from stab_ros.io.cdr import (
     CAMERA_INFO,
     DIAGNOSTIC_ARRAY,
@@ -37,6 +37,7 @@ from stab_ros.io.topics import (
     STATUS_TOPIC,
     topic_in,
 )
+from stab_ros.jobs.output_bag import OutputBag
 
 
 @dataclass(frozen=True)
@@ -74,47 +75,41 @@ class GeoreferencedBag:
     """
 
     def __init__(self, writer: BagWriter, source: Source, orientation: str, with_image: bool) -> None:
-        self._writer, self._orientation, self.with_image = writer, orientation, with_image
+        self._orientation, self.with_image = orientation, with_image
         self._origin_written = False
         self._rejected: tuple[str, ...] | None = None  # as the last message of control points showed it
         self._names = GeoreferenceTopics.of(namespace_of(source.topics[source.image_topic]))
         types = {name: kind for name, kind in self._names.types.items() if with_image or name != self._names.image}
-        self._taken_over = {name for name in source.topics if name not in types and name != source.image_topic}
-        self.replaced = sorted(name for name in source.topics if name in types)
-        for name, msgtype in types.items():
-            writer.add_topic(topic_of(name, msgtype))
-        for name in sorted(self._taken_over):
-            writer.add_topic(source.topics[name])
-        writer.add_extras(source.extras())
+        self._bag = OutputBag(writer, source, types, keep_images=False)
+
+    @property
+    def replaced(self) -> list[str]:
+        return self._bag.replaced
 
     def take_over(self, message: Message) -> None:
-        if message.topic in self._taken_over:
-            self._writer.write(message.topic, message.log_time_ns, message.publish_time_ns, message.data)
+        self._bag.take_over(message)
 
     def write_once(self, picture: Picture, answer: Georeferenced, origin: LocalFrame | None,
                    gcps: ControlPoints | None) -> None:
         """Writes origin and control points with the first frame, and the points whenever other ones are rejected."""
         if origin is not None and not self._origin_written:
             self._origin_written = True
-            self._write(picture, self._names.origin, origin_cdr(answer, origin))
+            self._bag.write(picture, self._names.origin, origin_cdr(answer, origin))
         rejected = None if answer.placement is None else answer.placement.rejected
         if gcps is not None and rejected is not None and rejected != self._rejected:
             self._rejected = rejected
-            self._write(picture, self._names.gcps, gcps_of_cdr(answer, gcps))
+            self._bag.write(picture, self._names.gcps, gcps_of_cdr(answer, gcps))
 
     def write(self, picture: Picture, answer: Georeferenced, image: bytes | None, camera: Camera | None) -> None:
         """Writes all messages of one frame, with its log time.
 
         image: its message. camera: of the images as the homographies take them; None: of unknown K.
         """
-        self._write(picture, self._names.info, ortho_info_cdr(answer, camera))
-        self._write(picture, self._names.status, georeference_status_cdr(answer, self._orientation))
+        self._bag.write(picture, self._names.info, ortho_info_cdr(answer, camera))
+        self._bag.write(picture, self._names.status, georeference_status_cdr(answer, self._orientation))
         placement = answer.placement
         if placement is not None and placement.pose is not None:
-            self._write(picture, self._names.pose, pose_cdr(placement.pose, placement.pose_covariance,
-                                                            map_header(answer)))
+            self._bag.write(picture, self._names.pose, pose_cdr(placement.pose, placement.pose_covariance,
+                                                                map_header(answer)))
         if self.with_image and image is not None:
-            self._write(picture, self._names.image, image)
-
-    def _write(self, picture: Picture, topic: str, data: bytes) -> None:
-        self._writer.write(topic, picture.log_time_ns, picture.publish_time_ns, data)
+            self._bag.write(picture, self._names.image, image)

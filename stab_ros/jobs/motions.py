@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from stab_ros.core.errors import InputError, MessageError
-from stab_ros.core.types import FloatArray, Homography
+from stab_ros.core.types import Homography
 from stab_ros.georeferencing.placement import Motion
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.bag import Topic, open_bag
-from stab_ros.io.camera_message import read_camera
-from stab_ros.io.cdr import CAMERA_INFO, read_stamp
-from stab_ros.io.diagnostics_message import read_values
+from stab_ros.io.camera_message import read_corrected
+from stab_ros.io.cdr import CAMERA_INFO
 from stab_ros.io.homography_message import read_homography
 from stab_ros.io.picture import Picture
 from stab_ros.io.topics import HOMOGRAPHY_TOPIC, TRACK_TOPIC, topic_in
+from stab_ros.io.track_message import TrackValues, read_track
 from stab_ros.jobs.pipeline import PictureTracker
 
 # how a frame lies to the reference; None: it is lost
@@ -60,18 +60,19 @@ def read_motions(path: Path, namespace: str, topics: Mapping[str, Topic]) -> Rec
     known = topics.get(homography)
     if known is None or known.msgtype != CAMERA_INFO or not known.count:
         return None
-    found, tracks = RecordedMotions(), {}
+    found, tracks = RecordedMotions(), dict[int, TrackValues]()
     with open_bag(path) as bag:
         for message in bag.messages([name for name in (homography, track) if name in topics]):
             try:
                 if message.topic == track:
-                    tracks[read_stamp(message.data)] = read_values(message.data)
+                    values = read_track(message.data)
+                    tracks[values.stamp_ns] = values
                 else:
                     _take(found, message.data)
             except MessageError:
                 found.damaged += 1
-    for stamp_ns, values in tracks.items():
-        _complete(found, stamp_ns, values)
+    for values in tracks.values():
+        _complete(found, values)
     return found
 
 
@@ -79,38 +80,15 @@ def _take(found: RecordedMotions, cdr: bytes) -> None:
     stamp_ns, H = read_homography(cdr)
     found.motions[stamp_ns] = None if H is None else Motion(H)
     if H is not None and found.reference_size is None:
-        camera = read_camera(cdr)
-        found.reference_size = camera.size
-        found.camera = None if np.array_equal(camera.K, np.eye(3)) else camera
+        found.reference_size, found.camera = read_corrected(cdr)
 
 
-def _complete(found: RecordedMotions, stamp_ns: int, values: Mapping[str, str]) -> None:
+def _complete(found: RecordedMotions, values: TrackValues) -> None:
     """Adds what the track of a frame tells: covariance, reset_counter, and the window of image_stabilized."""
-    motion = found.motions.get(stamp_ns)
-    if motion is None:
-        return
-    covariance, resets = _symmetric(_numbers(values.get("covariance", ""))), values.get("reset_counter", "0")
-    found.motions[stamp_ns] = Motion(motion.ref_H_cur, covariance, int(resets) if resets.isdecimal() else 0)
-    offset, scale = _numbers(values.get("offset", "")), _numbers(values.get("scale", ""))
-    if len(offset) == 2 and len(scale) == 1 and scale[0] > 0:
-        s, (x, y) = scale[0], offset
-        found.image_H_ref = np.array([[s, 0, -s * x], [0, s, -s * y], [0, 0, 1]])
-
-
-def _numbers(text: str) -> list[float]:
-    try:
-        return [float(word) for word in text.split()]
-    except ValueError:
-        return []
-
-
-def _symmetric(upper: Collection[float]) -> FloatArray | None:
-    """(8, 8) of its upper triangle; None where it is none."""
-    if len(upper) != 36 or not np.isfinite(list(upper)).all():
-        return None
-    matrix = np.zeros((8, 8))
-    matrix[np.triu_indices(8)] = list(upper)
-    return np.asarray(matrix + np.triu(matrix, 1).T)
+    motion = found.motions.get(values.stamp_ns)
+    if motion is not None:
+        found.motions[values.stamp_ns] = Motion(motion.ref_H_cur, values.covariance, values.reset_counter)
+        found.image_H_ref = values.window_H_ref
 
 
 def stabilised_motion(tracker: PictureTracker) -> MotionOf:

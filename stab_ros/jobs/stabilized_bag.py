@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from stab_ros.core.types import Frame, Track
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.window import Window
-from stab_ros.io.bag import BagWriter, Message, Topic, topic_of
+from stab_ros.io.bag import BagWriter, Message, Topic
 from stab_ros.io.camera_message import is_of
 from stab_ros.io.cdr import CAMERA_INFO, DIAGNOSTIC_ARRAY, IMAGE, header_of
 from stab_ros.io.homography_message import homography_cdr
@@ -16,6 +16,7 @@ from stab_ros.io.image_message import image_cdr, static_map_cdr
 from stab_ros.io.source import STATIC_MAP, Picture, Source, namespace_of
 from stab_ros.io.topics import CAMERA_INFO_TOPIC, topic_in
 from stab_ros.io.track_message import track_cdr
+from stab_ros.jobs.output_bag import OutputBag
 from stab_ros.tracking.static_map import StaticMap
 
 
@@ -55,52 +56,43 @@ class StabilizedBag:
                  window: Window) -> None:
         """window: the part of the reference that the stabilised images show."""
         self.with_image = with_image
-        self._writer = writer
         self._camera = camera
         self.camera_change_ns: int | None = None
         self._window = window
         self._raw_topic = source.topics[source.image_topic]
         self._names = names_for(self._raw_topic, with_image)
         self.camera_topic = topic_in(namespace_of(self._raw_topic), CAMERA_INFO_TOPIC)
-        self._taken_over = {name for name in source.topics if name not in self._names.types}
-        if not keep_raw:
-            self._taken_over.discard(source.image_topic)
-        self.replaced = sorted(name for name in source.topics if name in self._names.types)
-        for name, msgtype in self._names.types.items():
-            writer.add_topic(topic_of(name, msgtype))
-        for name in sorted(self._taken_over):
-            writer.add_topic(source.topics[name])
-        writer.add_extras(source.extras())
+        self._bag = OutputBag(writer, source, self._names.types, keep_raw)
+
+    @property
+    def replaced(self) -> list[str]:
+        return self._bag.replaced
 
     def take_over(self, message: Message) -> None:
-        if message.topic in self._taken_over:
-            self._writer.write(message.topic, message.log_time_ns, message.publish_time_ns, message.data)
+        self._bag.take_over(message)
         if self._camera is not None and message.topic == self.camera_topic and self.camera_change_ns is None:
             self.camera_change_ns = None if is_of(self._camera, message.data) else message.log_time_ns
 
     def write(self, picture: Picture, track: Track, image: bytes | None, reference_size: tuple[int, int] | None,
               static_map: StaticMap | None) -> None:
         """Writes all messages of one frame, with its log time. image: its message. static_map: None if unchanged."""
-        if self._raw_topic.name in self._taken_over:
+        if self._raw_topic.name in self._bag.taken_over:
             self._write_raw(picture)
         frame = picture.decoded
         if not isinstance(frame, Frame):
             return
         header = header_of(frame)
         size = reference_size or frame.size
-        self._write(picture, self._names.homography, homography_cdr(track, header, size, self._camera))
-        self._write(picture, self._names.track, track_cdr(track, header, self._window))
+        self._bag.write(picture, self._names.homography, homography_cdr(track, header, size, self._camera))
+        self._bag.write(picture, self._names.track, track_cdr(track, header, self._window))
         if static_map is not None:
-            self._write(picture, self._names.static_map, static_map_cdr(static_map, header))
+            self._bag.write(picture, self._names.static_map, static_map_cdr(static_map, header))
         if self._names.image is not None and image is not None:
-            self._write(picture, self._names.image, image)
+            self._bag.write(picture, self._names.image, image)
 
     def _write_raw(self, picture: Picture) -> None:
         frame = picture.decoded
         if picture.data is not None:
-            self._write(picture, self._raw_topic.name, picture.data)
+            self._bag.write(picture, self._raw_topic.name, picture.data)
         elif isinstance(frame, Frame):
-            self._write(picture, self._raw_topic.name, image_cdr(frame.image, frame.encoding, header_of(frame)))
-
-    def _write(self, picture: Picture, topic: str, data: bytes) -> None:
-        self._writer.write(topic, picture.log_time_ns, picture.publish_time_ns, data)
+            self._bag.write(picture, self._raw_topic.name, image_cdr(frame.image, frame.encoding, header_of(frame)))

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import Protocol
 
 import numpy as np
 
@@ -16,19 +15,15 @@ from stab_ros.core.types import Frame, Homography
 from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
 from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.georeferencing.orientation import Unplaced
-from stab_ros.georeferencing.samples import AttitudeSample
 from stab_ros.imaging.camera import Camera
-from stab_ros.io.attitude_message import Attitude
 from stab_ros.io.fix_message import Fix
 from stab_ros.io.topics import FIX_TOPIC
-from stab_ros.io.water_level_message import WaterLevel
+from stab_ros.jobs.sensor_feed import Sample, tell
 from stab_ros.nodes.failures import Failures
 from stab_ros.nodes.motion_input import Told
 from stab_ros.parameters.engines import camera_of, make_georeferencer
 
 _SAMPLES = 20_000  # of sensors that are kept for another engine
-
-Sample: TypeAlias = Fix | Attitude | WaterLevel
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,18 +165,11 @@ class FramePlacer:
 
     # samples and answers ---------------------------------------------------------------------------------------------
     def _feed(self, engine: Georeferencer, sample: Sample) -> None:
-        if isinstance(sample, WaterLevel):
-            engine.set_water_level(sample.stamp_ns, sample.wse_m)
-        elif isinstance(sample, Attitude):
-            engine.add_attitude(AttitudeSample(sample.stamp_ns, sample.map_q_body, sample.covariance_rad2))
-        elif math.isfinite(sample.height_m):
-            self._feed_fix(engine, sample)
-
-    def _feed_fix(self, engine: Georeferencer, fix: Fix) -> None:
         try:
-            engine.add_fix(fix.stamp_ns, np.array([fix.latitude_deg, fix.longitude_deg, fix.height_m]),
-                           fix.covariance_m2)
+            tell(engine, sample)
         except InputError as error:
+            if not isinstance(sample, Fix):
+                raise
             self._callbacks.on_unusable(FIX_TOPIC, str(error))
 
     def _answer(self, engine: Georeferencer, ask: Callable[[], list[Georeferenced]]) -> None:

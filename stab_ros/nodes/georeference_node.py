@@ -19,10 +19,11 @@ from stab_ros.io.georeference_messages import gcps_of_cdr, georeference_values, 
 from stab_ros.io.image_message import read_image
 from stab_ros.io.topics import FIX_TOPIC, ORTHO_INFO_TOPIC, STABILIZED_TOPIC, WATER_LEVEL_TOPIC
 from stab_ros.io.water_level_message import WaterLevel
+from stab_ros.jobs.sensor_feed import Sample
 from stab_ros.nodes import params
 from stab_ros.nodes.camera_info_subscription import CameraInfoSubscription
 from stab_ros.nodes.failures import Failures
-from stab_ros.nodes.frame_placer import FramePlacer, KnownCamera, Sample, Taken
+from stab_ros.nodes.frame_placer import FramePlacer, KnownCamera, Taken
 from stab_ros.nodes.georeference_publishers import GeoreferencePublishers
 from stab_ros.nodes.georeference_status import GeoreferenceStatus, Result
 from stab_ros.nodes.image_input import ImageInput

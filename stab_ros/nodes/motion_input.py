@@ -15,7 +15,7 @@ from stab_ros.core.errors import MessageError
 from stab_ros.core.types import Homography
 from stab_ros.georeferencing.placement import Motion
 from stab_ros.imaging.camera import Camera
-from stab_ros.io.camera_message import read_camera
+from stab_ros.io.camera_message import read_corrected
 from stab_ros.io.homography_message import read_homography
 from stab_ros.io.topics import HOMOGRAPHY_TOPIC, TRACK_TOPIC, TRACKER_NAME, topic_in
 from stab_ros.io.track_message import TrackValues, read_track
@@ -84,9 +84,7 @@ class MotionInput:
         """Size and calibration, from the first homography that has them; those of other programs may lack them."""
         if ref_H_cur is not None and self.reference_size is None:
             with suppress(MessageError):
-                camera = read_camera(cdr)
-                self.reference_size = camera.size
-                self.camera = None if np.array_equal(camera.K, np.eye(3)) else camera
+                self.reference_size, self.camera = read_corrected(cdr)
 
     def _on_track(self, cdr: bytes, _info: Mapping[str, int]) -> None:
         try:

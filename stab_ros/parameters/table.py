@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from stab_ros.core.errors import ConfigError
 from stab_ros.core.settings import Range, Value, checked, did_you_mean, settings_of
@@ -14,6 +14,8 @@ from stab_ros.georeferencing.settings import GeoreferenceConfig
 from stab_ros.methods import METHODS
 from stab_ros.parameters.presets import PRESETS
 from stab_ros.tracking.settings import StabilizerConfig
+
+Config = TypeVar("Config", StabilizerConfig, EvaluatorConfig, GeoreferenceConfig)
 
 
 @dataclass(frozen=True)
@@ -135,9 +137,7 @@ def stabilizer_config(values: Mapping[str, Value]) -> StabilizerConfig:
         ConfigError: as `checked_values`.
     """
     values = checked_values(resolved(values))
-    own = {item.name for item in dataclasses.fields(StabilizerConfig)}
-    chosen: Any = {name: value for name, value in values.items() if name in own}
-    config = StabilizerConfig(**chosen)
+    config = _config(StabilizerConfig, values)
     prefix = f"{config.method}."
     of_method: Any = {name.removeprefix(prefix): value for name, value in values.items() if name.startswith(prefix)}
     return dataclasses.replace(config, method_config=METHODS[config.method].Config(**of_method))
@@ -149,10 +149,7 @@ def evaluator_config(values: Mapping[str, Value]) -> EvaluatorConfig:
     Raises:
         ConfigError: as `checked_values`, or settings that contradict each other.
     """
-    values = checked_values(values, EVALUATOR_PARAMETERS)
-    own = {item.name for item in dataclasses.fields(EvaluatorConfig)}
-    chosen: Any = {name: value for name, value in values.items() if name in own}
-    return EvaluatorConfig(**chosen)
+    return _config(EvaluatorConfig, checked_values(values, EVALUATOR_PARAMETERS))
 
 
 def georeference_config(values: Mapping[str, Value]) -> GeoreferenceConfig:
@@ -161,7 +158,11 @@ def georeference_config(values: Mapping[str, Value]) -> GeoreferenceConfig:
     Raises:
         ConfigError: as `checked_values`, or settings that contradict each other.
     """
-    values = checked_values(values, GEOREFERENCE_PARAMETERS)
-    own = {item.name for item in dataclasses.fields(GeoreferenceConfig)}
+    return _config(GeoreferenceConfig, checked_values(values, GEOREFERENCE_PARAMETERS))
+
+
+def _config(settings: type[Config], values: Mapping[str, Value]) -> Config:
+    """Settings of the values that have a field in them."""
+    own = {item.name for item in dataclasses.fields(settings)}
     chosen: Any = {name: value for name, value in values.items() if name in own}
-    return GeoreferenceConfig(**chosen)
+    return settings(**chosen)

@@ -12,8 +12,9 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.interpolation import Limits, attitude_at, position_at
 from stab_ros.georeferencing.orientation import Unplaced
-from stab_ros.georeferencing.pose_track import Mounting, PosePrior, PoseTrack, without_repeats
+from stab_ros.georeferencing.pose_track import Mounting, PosePrior, PoseTrack
 from stab_ros.georeferencing.samples import AttitudeSample, PositionSample
+from stab_ros.georeferencing.sensors import Sensors
 from stab_ros.imaging.pose import BODY_R_OPTICAL, Pose
 
 S = 1_000_000_000
@@ -158,18 +159,26 @@ def test_sensors_that_tell_no_covariance_leave_it_open() -> None:
         assert (found.covariance is not None) is known
 
 
+def told(rows: list[PositionSample]) -> list[PositionSample]:
+    """What the engine keeps of these."""
+    sensors = Sensors(0.0)
+    for row in rows:
+        sensors.add_position(row)
+    return sensors.positions
+
+
 def test_rows_that_repeat_a_fix_are_left_out() -> None:
     """30 rows a second of a fix at 10 Hz: interpolation then follows the flight again."""
     t = np.arange(0, 3, 1 / 30)
     held = swaying(np.floor(t * 10 + 1e-9) / 10)
     rows = positions(t, held)
-    kept = without_repeats(rows)
+    kept = told(rows)
     assert len(kept) == 30
     found = position_at(kept, round(1.55 * S), Limits())
     assert not isinstance(found, Unplaced)
     assert found.values == pytest.approx(swaying(np.array([1.55]))[0], abs=0.01)
     on_ground = positions(t, np.zeros((len(t), 3)))
-    kept_ns = [sample.stamp_ns for sample in without_repeats(on_ground)]
+    kept_ns = [sample.stamp_ns for sample in told(on_ground)]
     assert kept_ns == [rows[k].stamp_ns for k in (0, 15, 30, 45, 60, 75)]
 
 
