@@ -1,0 +1,1 @@
+"""River discharge, with its uncertainty, from surface velocities and a cross-section."""

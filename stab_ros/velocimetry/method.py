@@ -1,0 +1,25 @@
+"""The protocol of velocimetry methods."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from stab_ros.velocimetry.placed_frame import PlacedFrame
+from stab_ros.velocimetry.vectors import Vectors
+
+
+class Method(Protocol):
+    """Measures velocities in the frames of a stream; knows no files, messages or clock."""
+
+    def add(self, frame: PlacedFrame) -> Vectors | None:
+        """Takes the next frame.
+
+        Args:
+            frame: the next one, with a stamp after that of the one before.
+
+        Returns:
+            The vectors of the interval that ends with this frame; None: it has not ended yet.
+        """
+
+    def finish(self) -> Vectors | None:
+        """The vectors of the interval that was under way when the stream ended; None: it was too short for any."""
