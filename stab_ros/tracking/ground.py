@@ -1,4 +1,4 @@
-"""What is known of the static ground in one reference: the start-up, the map, and an ambiguity that is left."""
+"""What is known of the static ground in one reference: the start-up, the map, and ambiguities that are left."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Ground:
         """allowed: (h, w) bool, where ground can be. static_map: where it is, if that is known."""
         self.static_map = static_map or StaticMap.of_mask(allowed)
         self._known = static_map is not None
-        self._ambiguity: Ambiguity | None = None
+        self._ambiguities: tuple[Ambiguity, ...] = ()  # the likeliest first
         self._frames = 0  # registered ones
         self.sensor_fixed_share = 0.0  # of the picture, in [0, 1], that moves with the camera
         self.buffer: StartBuffer | None = None
@@ -57,12 +57,12 @@ class Ground:
 
     @property
     def competing_hypothesis(self) -> CompetingHypothesis | None:
-        """Another plane that can be the ground; None: the choice is clear."""
-        return None if self._ambiguity is None else self._ambiguity.other
+        """The likeliest other plane that can be the ground; None: the choice is clear."""
+        return self._ambiguities[0].other if self._ambiguities else None
 
     def decide(self, result: StartResult) -> None:
         """Takes what the start-up has found."""
-        self.static_map, self._known, self._ambiguity = result.static_map, True, result.ambiguity
+        self.static_map, self._known, self._ambiguities = result.static_map, True, result.ambiguities
         self.add_fixed_to_camera(result.fixed_px)
 
     def restrict(self, allowed: BoolArray) -> None:
@@ -75,10 +75,8 @@ class Ground:
         return self.static_map.at(reference_px) > 0.5
 
     def covariance(self, covariance: FloatArray, ref_H_cur: Homography, time_ns: int) -> FloatArray:
-        """Covariance (8, 8) of a homography, inflated to span both hypotheses while the choice is ambiguous."""
-        if self._ambiguity is None:
-            return covariance
-        return covariance + self._ambiguity.spread(ref_H_cur, time_ns)
+        """Covariance (8, 8) of a homography, inflated to span all hypotheses while the choice is ambiguous."""
+        return covariance + sum(ambiguity.spread(ref_H_cur, time_ns) for ambiguity in self._ambiguities)
 
     def update(self, anchor: Anchor) -> None:
         """After each registered frame; now and then the map is made anew from the weights, if much has changed."""
@@ -89,13 +87,11 @@ class Ground:
                 self.static_map = fresh
 
     def turned(self, ref_H_cur: Homography, time_ns: int) -> Homography | None:
-        """Weighs an ambiguity again; ref_H_cur by the other plane if that turns out to be the ground, else None."""
-        ambiguity = self._ambiguity
-        verdict = Verdict.OPEN if ambiguity is None else ambiguity.weigh(ref_H_cur, time_ns)
-        if ambiguity is None or verdict is Verdict.OPEN:
+        """Weighs the ambiguities again; ref_H_cur by another plane if that turns out to be the ground, else None."""
+        verdicts = [(ambiguity, ambiguity.weigh(ref_H_cur, time_ns)) for ambiguity in self._ambiguities]
+        self._ambiguities = tuple(ambiguity for ambiguity, verdict in verdicts if verdict is Verdict.OPEN)
+        ground = next((ambiguity for ambiguity, verdict in verdicts if verdict is Verdict.TURNED), None)
+        if ground is None:
             return None
-        self._ambiguity = None
-        if verdict is Verdict.SETTLED:
-            return None
-        self.static_map = ambiguity.other_map
-        return ambiguity.by_other(ref_H_cur, time_ns)
+        self.static_map, self._ambiguities = ground.other_map, ()
+        return ground.by_other(ref_H_cur, time_ns)

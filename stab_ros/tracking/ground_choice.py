@@ -71,13 +71,13 @@ class CompetingHypothesis:
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The plane taken for the ground, and the strongest competing hypothesis (None: the choice is clear).
+    """The plane taken for the ground, and the competing hypotheses, the likeliest first (none: the choice is clear).
 
     planeless: no features moved together as a plane; taken are those that do not contradict the rough homographies.
     """
 
     ground: Plane
-    other: CompetingHypothesis | None = None
+    others: tuple[CompetingHypothesis, ...] = ()
     planeless: bool = False
 
 
@@ -107,7 +107,7 @@ def choose_ground(planes: list[Plane], seen: Observations, provisional: bool = F
     others = [k for k in np.argsort(odds[best]).tolist() if k != best]  # the most likely one first
     certain = math.inf if provisional else CERTAIN_ODDS
     found = (_competing(planes[best], planes[k], cues[best], cues[k], seen, certain) for k in others)
-    return Choice(planes[best], next((other for other in found if other is not None), None))
+    return Choice(planes[best], tuple(other for other in found if other is not None))
 
 
 def _cautions(planes: list[Plane]) -> FloatArray:

@@ -30,6 +30,8 @@ _MOST_PLANES = 4
 _LEAST_SHARE = 0.02
 _SCATTERED = (2.0, 4.0)  # times the threshold, where hardly anything agrees within it
 _FEW = 0.2  # of the features
+_LEFT = 0.15  # of the features, which are there in all quarters but on no plane
+_HOLDS = 0.5  # of those
 _MANY_MORE = 2.0  # times as many
 LEAST_FEATURES = 12
 _PRESENT = 0.75  # of the frames: with fewer a feature has not kept its template
@@ -101,7 +103,30 @@ def _planes_among(trajectories: Trajectories, among: BoolArray | None, threshold
         wider = _planes(trajectories, quarters, kept, scatter * threshold_px)
         if _largest_share(wider, kept) > _MANY_MORE * _largest_share(planes, kept):
             planes = [replace(plane, scatter=scatter) for plane in wider]
-    return planes
+    return [*planes, *_among_the_rest(trajectories, quarters, kept, planes, threshold_px)]
+
+
+def _among_the_rest(trajectories: Trajectories, quarters: IdArray, kept: BoolArray, planes: list[Plane],
+                    threshold_px: float) -> list[Plane]:
+    """The scattered plane of most features that are on none: what a codec leaves of banks scatters, water may not."""
+    rest = kept & ~np.any([plane.member for plane in planes], axis=0) if planes else np.zeros_like(kept)
+    if rest.sum() < max(LEAST_FEATURES, _LEFT * kept.sum()):
+        return []
+    for scatter in _SCATTERED:
+        found = _planes(trajectories, quarters, rest, scatter * threshold_px)
+        if _largest_share(found, rest) > _HOLDS:
+            known = any(_is_part_of(found[0], plane, trajectories, scatter * threshold_px) for plane in planes)
+            return [] if known else [replace(found[0], scatter=scatter)]
+    return []
+
+
+def _is_part_of(plane: Plane, other: Plane, trajectories: Trajectories, threshold_px: float) -> bool:
+    """Whether a plane moves as another one, which has nearly as many features or more."""
+    both = np.flatnonzero(~np.isnan(plane.ref_H_cur[:, 0, 0]) & ~np.isnan(other.ref_H_cur[:, 0, 0]))
+    apart = [apply(plane.ref_H_cur[f], at) - apply(other.ref_H_cur[f], at)
+             for f, at in zip(both, trajectories.current_px[both][:, plane.member], strict=True)]
+    apart_px = [float(np.median(np.hypot(*off.T))) for off in apart]
+    return max(apart_px, default=np.inf) < threshold_px and len(plane) < _MANY_MORE * len(other)
 
 
 def _planes(trajectories: Trajectories, quarters: IdArray, left: BoolArray, threshold_px: float) -> list[Plane]:
@@ -110,9 +135,12 @@ def _planes(trajectories: Trajectories, quarters: IdArray, left: BoolArray, thre
     least = max(LEAST_FEATURES, int(_LEAST_SHARE * len(left)))
     while left.sum() >= least and len(planes) < _MOST_PLANES:
         largest = _largest(trajectories, quarters, left, threshold_px)
-        plane = _widened(trajectories, largest, quarters, left, threshold_px)
-        if plane is None or len(plane) < least:
+        if largest.sum() < least:
             break
+        plane = _widened(trajectories, largest, quarters, left, threshold_px)
+        if plane is None or len(plane) < least:  # it does not keep together between the quarters
+            left = left & ~largest
+            continue
         planes.append(plane)
         left = left & ~plane.member
     return sorted(planes, key=len, reverse=True)

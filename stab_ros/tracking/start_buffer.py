@@ -27,7 +27,7 @@ _LEAST_FEATURES = 48  # with fewer there is nothing to choose between
 # if less of it was seen, as where the first frames were dropped, it takes up to so many times as long
 _SEEN_SHARE, _PATIENCE = 0.5, 3
 _MOVED_PX = 1.5  # between a plane that is fixed to the camera and one that is not
-_RESTING_PX, _TIMES_RESTING = 0.3, 4.0  # at most, while another one moves so many times as far
+_RESTING_PX, _TIMES_RESTING = 0.6, 3.5  # at most, while another one moves so many times as far
 # features that show no plane, but are where most are: px; in this share of the frames that show them; of all frames
 _AGREEING_PX, _AGREES, _SHOWN = 0.6, 0.7, 0.2
 _MOST_FRAMES = 120  # where time does not advance
@@ -62,10 +62,10 @@ class StartResult:
     """What the start-up has found.
 
     frames: those that have no answer yet. reference_px: (N, 2) all features. ground: (N,) bool, those on it.
-    fixed_px: (n, 2) features that are fixed to the camera. size: width, height of the reference, px. ambiguity: if
-    another plane can be the ground as well. turned: whether an earlier result took another plane for it. scatter: of
-    that `Plane`. provisional: too little was seen to be certain. rows_swing: by a rolling shutter. planeless: as of
-    `Choice`.
+    fixed_px: (n, 2) features that are fixed to the camera. size: width, height of the reference, px. ambiguities: with
+    each other plane that can be the ground as well. turned: whether an earlier result took another plane for it.
+    scatter: of that `Plane`. provisional: too little was seen to be certain. rows_swing: by a rolling shutter.
+    planeless: as of `Choice`.
     """
 
     frames: list[BufferedFrame]
@@ -73,7 +73,7 @@ class StartResult:
     ground: BoolArray
     fixed_px: FloatArray
     static_map: StaticMap
-    ambiguity: Ambiguity | None
+    ambiguities: tuple[Ambiguity, ...]
     size: tuple[int, int]
     turned: bool
     scatter: float
@@ -174,7 +174,7 @@ class StartBuffer:
         self._ground = member
         reference_px = trajectories.reference_px
         return StartResult(self._frames(choice.ground, trajectories), reference_px, member,
-                           reference_px[self._fixed], self._map(choice.ground), self._ambiguity(choice), self._size,
+                           reference_px[self._fixed], self._map(choice.ground), self._ambiguities(choice), self._size,
                            bool(turned), choice.ground.scatter, provisional or not self.enough, straight is not None,
                            choice.planeless)
 
@@ -208,9 +208,8 @@ class StartBuffer:
         choice = choose_ground(planes, seen, provisional)
         return None if choice.ground is at_rest else choice
 
-    def _ambiguity(self, choice: Choice) -> Ambiguity | None:
-        other = choice.other
-        return None if other is None else Ambiguity(other, self._map(other.plane), self._start_ns, self._size)
+    def _ambiguities(self, choice: Choice) -> tuple[Ambiguity, ...]:
+        return tuple(Ambiguity(other, self._map(other.plane), self._start_ns, self._size) for other in choice.others)
 
     def _frames(self, ground: Plane, trajectories: Trajectories) -> list[BufferedFrame]:
         """The frames that have no answer yet; they have one with this."""

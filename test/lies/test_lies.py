@@ -30,6 +30,10 @@ MISLEADING = {  # seed and number of frames
     410169: 60,  # one bank in a corner; features of the water far from it agree by chance
     420029: 60,  # a damaged picture within the start, after which the water was found again, and the ground was not
     420008: 60,  # snow and low contrast: no features keep together, but for water in the first frames
+    430007: 60,  # a codec scatters the features of the banks, those of the water keep together
+    430095: 60,  # rows that swing: no feature keeps together from frame to frame, those of the water less than others
+    430020: 60,  # three planes, each of which can be the ground
+    430038: 60,  # dirt on the lens before a camera that sways, through which the scene is seen
 }
 
 
