@@ -140,6 +140,6 @@ def _vectors(path: Path, rows: Sequence[tuple[list[float], list[int]]], unit: Un
         whole: IdArray = np.array([row for _, row in rows], np.int64).reshape(-1, len(_WHOLE))
         own = real[:, [4, 5, 5, 6]].reshape(-1, 2, 2)
         shared = real[:, len(_READ):].reshape(len(real), common // 2, 2).transpose(0, 2, 1)
-        return Vectors(real[:, :2], real[:, 2:4], *whole.T[:2], own, shared, whole[:, 2], unit)
+        return Vectors(real[:, :2], real[:, 2:4], whole[:, 0], whole[:, 1], own, shared, whole[:, 2], unit)
     except (ValueError, OverflowError) as error:
         raise InputError(f"{path}: not vectors: {one_line(error)[:200]}") from error

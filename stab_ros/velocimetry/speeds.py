@@ -40,5 +40,8 @@ def joined(parts: Sequence[Vectors], unit: Unit = "m") -> Vectors:
         return no_vectors(unit)
     if len({(part.unit, part.shared.shape[2]) for part in parts}) > 1:
         raise ValueError("vectors of different units or of different common errors cannot be joined")
-    names = ("start_m", "end_m", "start_ns", "end_ns", "covariance", "shared", "track_id")
-    return Vectors(*(np.concatenate([getattr(part, name) for part in parts]) for name in names), parts[0].unit)
+    return Vectors(
+        np.concatenate([part.start_m for part in parts]), np.concatenate([part.end_m for part in parts]),
+        np.concatenate([part.start_ns for part in parts]), np.concatenate([part.end_ns for part in parts]),
+        np.concatenate([part.covariance for part in parts]), np.concatenate([part.shared for part in parts]),
+        np.concatenate([part.track_id for part in parts]), parts[0].unit)
