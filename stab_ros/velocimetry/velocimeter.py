@@ -117,7 +117,7 @@ class Velocimeter:
         return [Measured(answer.frame, vectors[wanted], answer.wse_m, self._zone)]
 
     def _inside(self, places: FloatArray, stamps_ns: IdArray) -> BoolArray:
-        """(N,) bool: which places lie inside the frames as taken, off their borders, which orthophotos show as edges."""
+        """(N,) bool: which places the frames as taken show, off their borders, which orthophotos show as edges."""
         inside = np.ones(len(places), bool)
         for stamp_ns in np.unique(stamps_ns).tolist():
             at, (cur_H_plane, size) = stamps_ns == stamp_ns, self._whole.get(stamp_ns, (None, (0, 0)))
