@@ -82,7 +82,7 @@ class DynamicGpsImu:
             values["innovation"] = told.innovation
         answer = placed(self._camera, told.pose, told.covariance, sighting.wse_m, sighting.wse_sigma_m, values,
                         (*told.warnings, *self._doubts(), *self._watch.warnings), anew=True)
-        return _split_by_motion(answer, sighting) if self._moving else answer
+        return _split(answer, sighting if self._moving else None)
 
     def _told(self, sighting: Sighting, prior: PosePrior | Unplaced) -> _Told | Unplaced:
         """The pose by the sensors alone, until there are homographies to fuse them with."""
@@ -105,10 +105,11 @@ class DynamicGpsImu:
                      if missing)
 
 
-def _split_by_motion(answer: Answer, sighting: Sighting) -> Answer:
-    """The fused pose changes slowly: only the registration of the frame is its own error."""
-    if not isinstance(answer, Placement) or answer.error is None or (
-            sighting.ref_H_cur is None or sighting.covariance is None):
+def _split(answer: Answer, moved: Sighting | None) -> Answer:
+    """A fused pose changes slowly: only the registration of the frame is its own error. moved: None: not fused."""
+    if not isinstance(answer, Placement) or answer.error is None:
         return answer
-    by_motion = product_jacobians(answer.map_H_image @ np.linalg.inv(sighting.ref_H_cur), sighting.ref_H_cur)[1]
-    return replace(answer, error=answer.error.seen_by(by_motion @ sighting.covariance @ by_motion.T))
+    if moved is None or moved.ref_H_cur is None or moved.covariance is None:
+        return replace(answer, error=answer.error.padded(8))
+    by_motion = product_jacobians(answer.map_H_image @ np.linalg.inv(moved.ref_H_cur), moved.ref_H_cur)[1]
+    return replace(answer, error=answer.error.seen_by(by_motion @ moved.covariance @ by_motion.T))

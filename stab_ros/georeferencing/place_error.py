@@ -38,6 +38,10 @@ class PlaceError:
         """With one shared error more, whose standard deviation changes h00 .. h21 by `change` (8,)."""
         return PlaceError(self.own, np.column_stack([self.shared, change]))
 
+    def padded(self, columns: int) -> PlaceError:
+        """With so many shared errors, the last ones 0: their number must not change within a stream."""
+        return PlaceError(self.own, np.pad(self.shared, ((0, 0), (0, columns - self.shared.shape[1]))))
+
     def seen_by(self, own: FloatArray) -> PlaceError:
         """The same covariance, of which `own` (8, 8) is the frame's and the rest shared."""
         return PlaceError(own, factor(self.covariance - own))

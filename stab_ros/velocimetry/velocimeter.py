@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from stab_ros.core.geometry import apply
 from stab_ros.core.types import BoolArray, FloatArray, Frame, Homography, IdArray
 from stab_ros.georeferencing.georeferencer import Georeferenced
-from stab_ros.georeferencing.placement import Motion
+from stab_ros.georeferencing.placement import Motion, Placement
 from stab_ros.velocimetry.method import Method
 from stab_ros.velocimetry.pictures import Pictures, Stream
 from stab_ros.velocimetry.placing import placed_frame, plane_H_ref
@@ -29,13 +29,15 @@ class Measured:
     """The vectors of one interval.
 
     Attributes:
-        frame: that ended it.
+        frame: that ended it, or after which no frame of it came.
+        stamp_ns: of its last frame.
         vectors: where velocities are wanted; they may be none.
         wse_m: water surface elevation at that frame.
         zone: of the reference.
     """
 
     frame: Frame
+    stamp_ns: int
     vectors: Vectors
     wse_m: float
     zone: Zone
@@ -58,6 +60,7 @@ class Velocimeter:
         """
         self._stream, self._make_method, self._allowed = stream, make_method, allowed
         self._pictures = Pictures(stream)
+        self._with_error: bool | None = None  # whether the errors of places are known
         self._last: tuple[Georeferenced, int] | None = None  # with its epoch
         self._method: Method | None = None
         self._zone: Zone | None = None
@@ -76,8 +79,8 @@ class Velocimeter:
         Raises:
             InputError: a region does not fit the reference.
         """
-        placement, unit = answer.placement, self._stream.unit
-        if placement is None or (motion is None and self._stream.image_H_ref is not None):
+        placement, unit = self._usable(answer, motion), self._stream.unit
+        if placement is None:
             return []
         ended = [] if self._follows(answer, motion) else self._end()
         if self._method is None or self._zone is None:
@@ -94,6 +97,17 @@ class Velocimeter:
     def finish(self) -> list[Measured]:
         """The interval that was under way when the stream ended."""
         return [] if self._method is None else self._measured(self._method.finish())
+
+    def _usable(self, answer: Georeferenced, motion: Motion | None) -> Placement | None:
+        """The placement; None: there is none, or its error is unknown, unlike that of the first frame."""
+        placement = answer.placement
+        if placement is None or (motion is None and self._stream.image_H_ref is not None):
+            return None
+        if self._with_error is None:
+            self._with_error = placement.error is not None
+        if not self._with_error:
+            return replace(placement, error=None)
+        return None if placement.error is None else placement
 
     def _follows(self, answer: Georeferenced, motion: Motion | None) -> bool:
         return self._last is None or (self._last[0].frame.stamp_ns < answer.frame.stamp_ns
@@ -114,7 +128,8 @@ class Velocimeter:
             last_ns = self._last[0].frame.stamp_ns
             self._whole = {stamp_ns: one for stamp_ns, one in self._whole.items() if stamp_ns == last_ns}
         answer = self._last[0]
-        return [Measured(answer.frame, vectors[wanted], answer.wse_m, self._zone)]
+        stamp_ns = int(vectors.end_ns.max(initial=0)) or answer.frame.stamp_ns
+        return [Measured(answer.frame, stamp_ns, vectors[wanted], answer.wse_m, self._zone)]
 
     def _inside(self, places: FloatArray, stamps_ns: IdArray) -> BoolArray:
         """(N,) bool: which places the frames as taken show, off their borders, which orthophotos show as edges."""
