@@ -92,6 +92,8 @@ def _of_velocimetry() -> Iterator[Parameter]:
     yield Parameter("static_map", "", Range("Path of a static map of the same reference: a bag written by stabilize, "
                                             "or a PNG (white: static ground). Its ground is left out, and the velocity "
                                             'there, which must be 0, is told beside; "": everything is water'))
+    yield Parameter("grid_m", 0.0, Range("Side of the cells of velocity_grid in metres (pixels without georeference); "
+                                         "0: what suits the first vectors", 0.0, 10000.0))
     yield Parameter("orthophotos", False, Range("Whether velocities are measured in orthophotos; false: in the images "
                                                 "as they come, and their vectors are scaled"))
 

@@ -80,7 +80,7 @@ def make_placer(values: Mapping[str, Value], camera: Camera | None, size: tuple[
     known = (camera if file is None else file.camera) or uncalibrated(size)
     if image_H_ref is not None:
         known = Camera(known.K, np.zeros(0), "plumb_bob", known.size)
-    return Georeferencer(stream_config(values), known, PixelPlane(), Sensors(), image_H_ref, doubts=tuple(remarks))
+    return Georeferencer(stream_config(values), known, PixelPlane(), Sensors(0.0), image_H_ref, doubts=tuple(remarks))
 
 
 def make_velocimeter(values: Mapping[str, Value], stream: Stream) -> Velocimeter:
