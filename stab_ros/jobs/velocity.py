@@ -63,6 +63,7 @@ class Velocities:
     intervals: int = 0
     first_ns: int | None = None
     parts: list[Vectors] = field(default_factory=list)
+    water_parts: list[Vectors] = field(default_factory=list)
     bank_parts: list[Vectors] = field(default_factory=list)
     wse_m: float = 0.0  # at the last interval
     duration_s: float = 0.0
@@ -73,14 +74,19 @@ class Velocities:
         return joined(self.parts, self.unit)
 
     @property
+    def water(self) -> Vectors:
+        """Those that do not lie on static ground, as far as that is known."""
+        return joined(self.water_parts, self.unit)
+
+    @property
     def bank(self) -> BankVelocity | None:
         """The velocity of static ground; None: it was not measured."""
         return bank_velocity(joined(self.bank_parts, self.unit))
 
     @property
     def median_speed(self) -> float:
-        """m/s (px/s in pixels); NaN: there are no vectors."""
-        vectors = self.vectors
+        """Of the water, m/s (px/s in pixels); NaN: there are no vectors."""
+        vectors = self.water
         return float(np.median(speed_m_s(vectors))) if len(vectors) else float("nan")
 
     def add(self, placed: PlacedPicture) -> None:
@@ -95,10 +101,11 @@ class Velocities:
             what = doubt.partition(":")[0]
             self.doubts[what] = (doubt, self.doubts.get(what, (doubt, 0))[1] + 1)
 
-    def measured(self, measured: Measured) -> None:
-        """Takes an interval."""
+    def measured(self, measured: Measured, water: Vectors) -> None:
+        """Takes an interval, and those of its vectors that lie on water."""
         self.intervals += 1
         self.parts.append(measured.vectors)
+        self.water_parts.append(water)
         self.wse_m = measured.wse_m
 
 
@@ -169,7 +176,7 @@ class _Outputs:
 
 def _measurement(result: Velocities, work: VelocityWork) -> Measurement:
     return Measurement(
-        work.name, result.vectors, result.bank, joined(result.bank_parts, result.unit), work.background,
+        work.name, result.water, result.bank, joined(result.bank_parts, result.unit), work.background,
         work.bank_known, result.frames, result.frames - result.unplaced.total(), result.warnings)
 
 
@@ -201,7 +208,7 @@ def _run(job: Job, source: Source, work: VelocityWork, outputs: _Outputs, progre
         if item.placed is not None:
             result.add(item.placed)
         for measured in item.water:
-            result.measured(measured)
+            result.measured(measured, work.of_water(measured))
         result.bank_parts += [measured.vectors for measured in item.bank]
         outputs.write(item)
         progress(result.frames)

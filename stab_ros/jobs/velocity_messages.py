@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib import colormaps
 
-from stab_ros.core.types import FloatArray
 from stab_ros.io.cdr import Header
 from stab_ros.io.georeference_messages import MAP_FRAME
+from stab_ros.io.image_message import image_cdr
 from stab_ros.io.marker_message import arrows_cdr
 from stab_ros.io.velocity_grid_message import velocity_grid_cdr
 from stab_ros.io.velocity_message import velocity_cdr
+from stab_ros.velocimetry.arrow_picture import arrow_picture, speed_colours
 from stab_ros.velocimetry.cells import VelocityGrid, cell_for, gridded
 from stab_ros.velocimetry.velocimeter import Measured
 
@@ -33,6 +33,12 @@ def velocity_header(measured: Measured) -> Header:
     """At the time of the last frame: in the map; in the camera's frame where lengths are in pixels."""
     frame_id = MAP_FRAME if measured.vectors.unit == "m" else measured.frame.frame_id
     return Header(measured.stamp_ns, frame_id)
+
+
+def image_velocity_cdr(measured: Measured) -> bytes:
+    """Image: arrows on the picture of the last frame."""
+    return image_cdr(arrow_picture(measured.placed, measured.vectors), "bgr8",
+                     Header(measured.placed.stamp_ns, measured.frame.frame_id))
 
 
 class VelocityMessages:
@@ -59,5 +65,5 @@ class VelocityMessages:
         z = np.full(len(grid), measured.wse_m)
         starts = np.column_stack([grid.centre_m, z])
         ends = np.column_stack([grid.centre_m + scale * grid.velocity_m_s, z])
-        colours: FloatArray = colormaps["turbo"](speed_m_s / (self._longest_m_s or 1.0))[:, :3]
+        colours = speed_colours(speed_m_s, self._longest_m_s)
         return arrows_cdr(starts, ends, colours, _WIDTH * grid.cell_m, header)

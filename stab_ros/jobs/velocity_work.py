@@ -14,13 +14,14 @@ from stab_ros.io.static_maps import read_static_map
 from stab_ros.io.topics import STATIC_MAP_TOPIC, topic_in
 from stab_ros.jobs.placed_recording import Placed, Placing, Recording
 from stab_ros.jobs.placing import PlacedPicture, Work
-from stab_ros.parameters.velocimeters import make_bank_check, make_placer, make_velocimeter
+from stab_ros.parameters.velocimeters import GROUND, make_bank_check, make_placer, make_velocimeter
 from stab_ros.report.panel import gray_of
 from stab_ros.report.velocity_maps import Background
 from stab_ros.tracking.static_map import StaticMap
 from stab_ros.velocimetry.pictures import Stream
-from stab_ros.velocimetry.vectors import Unit
+from stab_ros.velocimetry.vectors import Unit, Vectors
 from stab_ros.velocimetry.velocimeter import Measured, Velocimeter
+from stab_ros.velocimetry.zone import Zone
 
 
 class VelocityWork:
@@ -89,6 +90,13 @@ class VelocityWork:
     def finish(self) -> tuple[list[Measured], list[Measured]]:
         """The intervals that were under way at the end."""
         return ([] if self._water is None else self._water.finish(), [] if self._bank is None else self._bank.finish())
+
+    def of_water(self, measured: Measured) -> Vectors:
+        """The vectors that do not lie on static ground, as far as that is known."""
+        if self._ground is None:
+            return measured.vectors
+        ground = Zone(measured.zone.plane_H_ref, self._ground.picture() >= GROUND)
+        return measured.vectors[~ground.holds(measured.vectors)]
 
     def _find_bank(self) -> None:
         """The map of the stabiliser is known when it has answered the first frame."""

@@ -136,8 +136,19 @@ def table_with_preset(method: object) -> Table:
     """PARAMETERS with the defaults of the preset `method`; unchanged for any other name."""
     if not isinstance(method, str) or method not in PRESETS:
         return PARAMETERS
-    defaults = checked_values({**PRESETS[method], "method": method})
-    return {name: dataclasses.replace(one, default=defaults.get(name, one.default)) for name, one in PARAMETERS.items()}
+    return _with_defaults(PARAMETERS, {**PRESETS[method], "method": method})
+
+
+def velocity_table_with_preset(method: object) -> Table:
+    """VELOCITY_PARAMETERS with the defaults of the preset `method`; unchanged for any other name."""
+    if not isinstance(method, str) or method not in VELOCITY_PRESETS:
+        return VELOCITY_PARAMETERS
+    return _with_defaults(VELOCITY_PARAMETERS, {**VELOCITY_PRESETS[method], "method": method})
+
+
+def _with_defaults(table: Table, values: Mapping[str, Value]) -> Table:
+    defaults = checked_values(values, table)
+    return {name: dataclasses.replace(one, default=defaults.get(name, one.default)) for name, one in table.items()}
 
 
 def check_change(old: Mapping[str, Value], changed: Mapping[str, Value]) -> None:

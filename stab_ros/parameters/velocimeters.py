@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from stab_ros.core.errors import ConfigError
@@ -18,7 +19,7 @@ from stab_ros.io.camera_file import read_camera_file
 from stab_ros.io.camera_profiles import profiles
 from stab_ros.io.regions import read_area
 from stab_ros.io.static_maps import read_static_map
-from stab_ros.parameters.engines import camera_of, make_georeferencer, uncalibrated
+from stab_ros.parameters.engines import camera_of, check_georeference, make_georeferencer, uncalibrated
 from stab_ros.parameters.table import GEOREFERENCE_PARAMETERS, georeference_config, velocity_config
 from stab_ros.tracking.static_map import StaticMap
 from stab_ros.velocimetry.method import Method
@@ -32,7 +33,7 @@ from stab_ros.velocimetry.zone import Zone
 
 _PLACES = ("orientation", "gcps_file", "height_m", "known_distance", "gsd_m")  # any of them tells of metres
 _SCALES = ("gsd_m", "known_distance", "height_m")  # of a nadir reference
-_GROUND = 128  # of a static map
+GROUND = 128  # of a static map
 _BANK_FEATURES = 300  # at most: they only check
 
 
@@ -83,6 +84,23 @@ def make_placer(values: Mapping[str, Value], camera: Camera | None, size: tuple[
     return Georeferencer(stream_config(values), known, PixelPlane(), Sensors(0.0), image_H_ref, doubts=tuple(remarks))
 
 
+def check_velocimetry(values: Mapping[str, Value]) -> None:
+    """Refuses what no camera would make right, before the first frame.
+
+    Args:
+        values: parameters of velocimetry by name.
+
+    Raises:
+        InputError: as `make_velocimeter` and `make_placer`.
+    """
+    config, _, _ = velocity_config(values), read_area(values), read_static_map(values)
+    if config.method != "particles":
+        raise ConfigError(f"method: {config.method} is not available yet, it must be particles")
+    stream_config(values)
+    if unit_of(values) == "m":
+        check_georeference(georeference_values(values))
+
+
 def make_velocimeter(values: Mapping[str, Value], stream: Stream) -> Velocimeter:
     """The engine that measures velocities where they are wanted.
 
@@ -101,14 +119,12 @@ def make_velocimeter(values: Mapping[str, Value], stream: Stream) -> Velocimeter
         wanted = area.allowed(size)
         if ground is not None:
             ground.check_size(size)
-            wanted &= ground.picture() < _GROUND
+            wanted &= ground.picture() < GROUND
         return wanted
 
     def method(zone: Zone) -> Method:
         return Particles(config, _water(zone), stream.unit)
 
-    if config.method != "particles":
-        raise ConfigError(f"method: {config.method} is not available yet, it must be particles")
     return Velocimeter(stream, method, allowed)
 
 
@@ -123,14 +139,15 @@ def make_bank_check(values: Mapping[str, Value], stream: Stream, ground: StaticM
     Raises:
         InputError: a name is unknown, or a value is wrong.
     """
-    given = {name: value for name, value in values.items() if name not in (
+    given: dict[str, Value] = {name: value for name, value in values.items() if name not in (
         "min_speed", "direction_tolerance_deg", "local_median", "steadiness", "method")}
     features = min(velocity_config(given).features, _BANK_FEATURES)
     config = velocity_config({**given, "features": features, "local_median": 0.0, "steadiness": 0.0})
 
     def allowed(size: tuple[int, int]) -> BoolArray:
         ground.check_size(size)
-        return np.asarray(ground.picture() >= _GROUND)
+        inner = np.ones((config.block_px, config.block_px), np.uint8)  # windows there show no water
+        return cv2.erode(ground.picture(), inner) >= GROUND
 
     return Velocimeter(stream, lambda zone: Particles(config, _water(zone), stream.unit), allowed)
 

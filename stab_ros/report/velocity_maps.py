@@ -87,11 +87,11 @@ def sigma_panel(grid: VelocityGrid, background: Background | None, vectors: Vect
 def bank_panel(bank: Vectors) -> Panel:
     """The velocities of single vectors on the bank."""
     figure, axes = new_axes()
-    axes.plot(*(1000 * bank.velocity_m_s).T, ".", markersize=3, color="#3b8a4d")
+    factor, unit = (1000, "mm") if bank.unit == "m" else (1, "px")
+    axes.plot(*(factor * bank.velocity_m_s).T, ".", markersize=3, color="#3b8a4d")
     axes.axhline(0, color="black", linewidth=0.8)
     axes.axvline(0, color="black", linewidth=0.8)
     axes.set_aspect("equal", adjustable="datalim")
-    unit = "mm" if bank.unit == "m" else "px/1000"
     label(axes, f"vx, {unit}/s", f"vy, {unit}/s")
     return drawn(figure, "Velocity of the bank", f"{len(bank)} vectors on static ground; they should lie around 0.",
                  "Points: the two components of each velocity on the bank.")

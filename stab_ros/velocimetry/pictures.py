@@ -49,7 +49,7 @@ class Pictures:
     def of(self, answer: Georeferenced, motion: Motion | None) -> Picture:
         """The picture of a placed frame. motion: known, if images are stabilised."""
         frame, stream = answer.frame, self._stream
-        cur_H_image = np.eye(3)
+        cur_H_image: Homography = np.eye(3)
         if stream.image_H_ref is not None and motion is not None:
             cur_H_image = np.linalg.inv(stream.image_H_ref @ motion.ref_H_cur)
         ortho = None if stream.orthophoto is None else stream.orthophoto(answer)

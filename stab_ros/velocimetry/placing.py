@@ -51,9 +51,13 @@ def placed_frame(stamp_ns: int, placement: Placement, picture: Picture, motion: 
     if unit == "px":
         plane_H_cur, error = TURNED @ plane_H_cur, error.mapped(product_jacobians(TURNED, plane_H_cur)[1])
     error = error.mapped(product_jacobians(plane_H_cur, picture.cur_H_picture)[0])
-    epoch = 0 if motion is None else motion.reset_counter
     return PlacedFrame(stamp_ns, picture.gray, normalized(plane_H_cur @ picture.cur_H_picture), error.own, error.shared,
-                       picture.camera, epoch)
+                       picture.camera, epoch_of(motion))
+
+
+def epoch_of(motion: Motion | None) -> int:
+    """Frames of different epochs have different references."""
+    return 0 if motion is None else motion.reset_counter
 
 
 def plane_H_ref(placement: Placement, motion: Motion | None, unit: Unit = "m") -> Homography:

@@ -13,7 +13,8 @@ from stab_ros.georeferencing.georeferencer import Georeferenced
 from stab_ros.georeferencing.placement import Motion, Placement
 from stab_ros.velocimetry.method import Method
 from stab_ros.velocimetry.pictures import Pictures, Stream
-from stab_ros.velocimetry.placing import placed_frame, plane_H_ref
+from stab_ros.velocimetry.placed_frame import PlacedFrame
+from stab_ros.velocimetry.placing import epoch_of, placed_frame, plane_H_ref
 from stab_ros.velocimetry.vectors import Vectors
 from stab_ros.velocimetry.zone import Zone
 
@@ -30,6 +31,7 @@ class Measured:
 
     Attributes:
         frame: that ended it, or after which no frame of it came.
+        placed: that frame, as the method took it.
         stamp_ns: of its last frame.
         vectors: where velocities are wanted; they may be none.
         wse_m: water surface elevation at that frame.
@@ -37,6 +39,7 @@ class Measured:
     """
 
     frame: Frame
+    placed: PlacedFrame
     stamp_ns: int
     vectors: Vectors
     wse_m: float
@@ -61,7 +64,7 @@ class Velocimeter:
         self._stream, self._make_method, self._allowed = stream, make_method, allowed
         self._pictures = Pictures(stream)
         self._with_error: bool | None = None  # whether the errors of places are known
-        self._last: tuple[Georeferenced, int] | None = None  # with its epoch
+        self._last: tuple[Georeferenced, PlacedFrame] | None = None
         self._method: Method | None = None
         self._zone: Zone | None = None
         self._whole: dict[int, tuple[Homography, tuple[int, int]]] = {}  # of orthophotos: cur_H_plane, size, by stamp
@@ -87,9 +90,9 @@ class Velocimeter:
             size = self._stream.reference_size or answer.frame.size
             self._zone = Zone(plane_H_ref(placement, motion, unit), self._allowed(size))
             self._method = self._make_method(self._zone)
-        self._last = (answer, _epoch(motion))
         picture, stamp_ns = self._pictures.of(answer, motion), answer.frame.stamp_ns
         placed = placed_frame(stamp_ns, placement, picture, motion, unit)
+        self._last = (answer, placed)
         if self._stream.orthophoto is not None:
             self._whole[stamp_ns] = (picture.cur_H_picture @ np.linalg.inv(placed.plane_H_image), answer.frame.size)
         return [*ended, *self._measured(self._method.add(placed))]
@@ -111,7 +114,7 @@ class Velocimeter:
 
     def _follows(self, answer: Georeferenced, motion: Motion | None) -> bool:
         return self._last is None or (self._last[0].frame.stamp_ns < answer.frame.stamp_ns
-                                      and self._last[1] == _epoch(motion))
+                                      and self._last[1].epoch == epoch_of(motion))
 
     def _end(self) -> list[Measured]:
         """Ends the interval; the next frame begins anew."""
@@ -127,9 +130,9 @@ class Velocimeter:
             wanted &= self._inside(vectors.start_m, vectors.start_ns) & self._inside(vectors.end_m, vectors.end_ns)
             last_ns = self._last[0].frame.stamp_ns
             self._whole = {stamp_ns: one for stamp_ns, one in self._whole.items() if stamp_ns == last_ns}
-        answer = self._last[0]
-        stamp_ns = int(vectors.end_ns.max(initial=0)) or answer.frame.stamp_ns
-        return [Measured(answer.frame, stamp_ns, vectors[wanted], answer.wse_m, self._zone)]
+        answer, placed = self._last
+        stamp_ns = int(vectors.end_ns.max(initial=0)) or placed.stamp_ns
+        return [Measured(answer.frame, placed, stamp_ns, vectors[wanted], answer.wse_m, self._zone)]
 
     def _inside(self, places: FloatArray, stamps_ns: IdArray) -> BoolArray:
         """(N,) bool: which places the frames as taken show, off their borders, which orthophotos show as edges."""
@@ -140,7 +143,3 @@ class Velocimeter:
                 pixels = apply(cur_H_plane, places[at])
                 inside[at] = ((pixels >= _EDGE_PX) & (pixels <= np.array(size) - 1 - _EDGE_PX)).all(axis=1)
         return inside
-
-
-def _epoch(motion: Motion | None) -> int:
-    return 0 if motion is None else motion.reset_counter

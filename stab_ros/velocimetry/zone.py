@@ -37,4 +37,4 @@ class Zone:
         pixels = self.pixels(places)
         shown = inside(pixels, allowed.shape[::-1])
         column, row = np.round(np.where(shown[:, None], pixels, 0)).astype(int).T
-        return shown & allowed[row, column]
+        return np.asarray(shown & allowed[row, column])
