@@ -69,6 +69,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _tell(result: Velocities) -> None:
+    from stab_ros.velocimetry.bank_over_time import told
+
     unplaced = result.unplaced.total()
     tell(f"{result.frames} frames: {result.frames - unplaced} placed, {unplaced} unplaced, "
          f"{result.frames / result.duration_s:.1f} frames/s")
@@ -77,10 +79,8 @@ def _tell(result: Velocities) -> None:
     tell(f"vectors:      {len(result.vectors)} in {result.intervals} intervals")
     if len(result.vectors):
         tell(f"median speed: {result.median_speed:.4g} {result.unit}/s")
-    if result.bank is not None:
-        x, y = result.bank.velocity_m_s
-        tell(f"bank:         ({x:.2g}, {y:.2g}) {result.unit}/s, sigma {result.bank.sigma_m_s:.2g}: "
-             f"{'zero within its error bar' if result.bank.is_zero else 'not zero'}")
+    if result.bank.count:
+        tell(f"bank:         {told(result.bank, result.unit)}")
 
 
 def _values(options: argparse.Namespace) -> tuple[Any, Any]:

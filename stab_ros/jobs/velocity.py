@@ -30,7 +30,8 @@ from stab_ros.jobs.velocity_messages import VelocityMessages
 from stab_ros.jobs.velocity_work import VelocityWork
 from stab_ros.parameters.velocimeters import stream_config, unit_of
 from stab_ros.report.velocity_page import Measurement, write_velocity_page
-from stab_ros.velocimetry.bank import BankVelocity, bank_velocity
+from stab_ros.velocimetry.bank import BankVelocity
+from stab_ros.velocimetry.bank_over_time import bank_of, over_time, told
 from stab_ros.velocimetry.speeds import joined, speed_m_s
 from stab_ros.velocimetry.vectors import Unit, Vectors
 from stab_ros.velocimetry.velocimeter import Measured
@@ -64,7 +65,7 @@ class Velocities:
     first_ns: int | None = None
     parts: list[Vectors] = field(default_factory=list)
     water_parts: list[Vectors] = field(default_factory=list)
-    bank_parts: list[Vectors] = field(default_factory=list)
+    bank_parts: list[Measured] = field(default_factory=list)
     wse_m: float = 0.0  # at the last interval
     duration_s: float = 0.0
     warnings: tuple[str, ...] = ()
@@ -79,9 +80,9 @@ class Velocities:
         return joined(self.water_parts, self.unit)
 
     @property
-    def bank(self) -> BankVelocity | None:
-        """The velocity of static ground; None: it was not measured."""
-        return bank_velocity(joined(self.bank_parts, self.unit))
+    def bank(self) -> BankVelocity:
+        """The velocity of static ground."""
+        return over_time([bank_of(measured) for measured in self.bank_parts])
 
     @property
     def median_speed(self) -> float:
@@ -176,7 +177,7 @@ class _Outputs:
 
 def _measurement(result: Velocities, work: VelocityWork) -> Measurement:
     return Measurement(
-        work.name, result.water, result.bank, joined(result.bank_parts, result.unit), work.background,
+        work.name, result.water, result.bank, joined([one.vectors for one in result.bank_parts], result.unit), work.background,
         work.bank_known, result.frames, result.frames - result.unplaced.total(), result.warnings)
 
 
@@ -209,7 +210,7 @@ def _run(job: Job, source: Source, work: VelocityWork, outputs: _Outputs, progre
             result.add(item.placed)
         for measured in item.water:
             result.measured(measured, work.of_water(measured))
-        result.bank_parts += [measured.vectors for measured in item.bank]
+        result.bank_parts += item.bank
         outputs.write(item)
         progress(result.frames)
 
@@ -243,8 +244,7 @@ def _said(source: Source, work: VelocityWork, result: Velocities) -> list[str]:
         said.append(f"{source.name}: not one vector was measured in {result.intervals} intervals; the water may show "
                     "no texture, or extract_s is longer than the recording")
     bank = result.bank
-    if bank is not None and not bank.is_zero:
-        x, y = bank.velocity_m_s
-        said.append(f"{source.name}: the bank moves by ({x:.3g}, {y:.3g}) {result.unit}/s, more than its error bar of "
-                    f"{bank.sigma_m_s:.2g}: the frames do not lie still, and velocities are wrong by as much")
+    if bank.at_rest is False:
+        said.append(f"{source.name}: the bank moves by {told(bank, result.unit)}; the frames do not lie still, and "
+                    "velocities are wrong by as much")
     return said

@@ -13,7 +13,8 @@ from stab_ros.io.marker_message import arrows_cdr
 from stab_ros.io.velocity_grid_message import velocity_grid_cdr
 from stab_ros.io.velocity_message import velocity_cdr
 from stab_ros.velocimetry.arrow_picture import arrow_picture, speed_colours
-from stab_ros.velocimetry.cells import VelocityGrid, cell_for, gridded
+from stab_ros.velocimetry.grid import VelocityGrid, on_grid
+from stab_ros.velocimetry.grid_side import side_for
 from stab_ros.velocimetry.velocimeter import Measured
 
 _LONGEST = 1.5  # arrow of the fastest water, in cells of the grid
@@ -52,18 +53,18 @@ class VelocityMessages:
     def of(self, measured: Measured) -> IntervalMessages:
         """The messages of the next interval."""
         if not self._cell_m and len(measured.vectors):
-            self._cell_m = cell_for(measured.vectors)
-        grid, header = gridded(measured.vectors, self._cell_m or 1.0), velocity_header(measured)
+            self._cell_m = side_for(measured.vectors)
+        grid, header = on_grid(measured.vectors, self._cell_m or 1.0), velocity_header(measured)
         return IntervalMessages(velocity_cdr(measured.vectors, measured.wse_m, header),
                                 velocity_grid_cdr(grid, measured.wse_m, header), self._arrows(grid, measured, header))
 
     def _arrows(self, grid: VelocityGrid, measured: Measured, header: Header) -> bytes:
         """An arrow from the middle of each cell, coloured from blue (0) to red (the fastest so far)."""
-        speed_m_s = np.hypot(*grid.velocity_m_s.T)
+        speed_m_s = np.hypot(*grid.median_m_s.T)
         self._longest_m_s = max(self._longest_m_s, float(speed_m_s.max(initial=0)))
-        scale = _LONGEST * grid.cell_m / self._longest_m_s if self._longest_m_s else 0.0
-        z = np.full(len(grid), measured.wse_m)
+        scale = _LONGEST * grid.side_m / self._longest_m_s if self._longest_m_s else 0.0
+        z = np.full(len(grid.count), measured.wse_m)
         starts = np.column_stack([grid.centre_m, z])
-        ends = np.column_stack([grid.centre_m + scale * grid.velocity_m_s, z])
+        ends = np.column_stack([grid.centre_m + scale * grid.median_m_s, z])
         colours = speed_colours(speed_m_s, self._longest_m_s)
-        return arrows_cdr(starts, ends, colours, _WIDTH * grid.cell_m, header)
+        return arrows_cdr(starts, ends, colours, _WIDTH * grid.side_m, header)

@@ -9,8 +9,9 @@ import numpy as np
 from stab_ros.core.text import number
 from stab_ros.io.topics import WATER_LEVEL_TOPIC
 from stab_ros.nodes.georeference_status import GeoreferenceStatus
-from stab_ros.velocimetry.bank import bank_velocity
-from stab_ros.velocimetry.speeds import joined, sigma_speed_m_s, speed_m_s
+from stab_ros.velocimetry.bank import BankVelocity
+from stab_ros.velocimetry.bank_over_time import bank_of, over_time, told
+from stab_ros.velocimetry.speeds import sigma_speed_m_s, speed_m_s
 from stab_ros.velocimetry.vectors import Unit, Vectors
 from stab_ros.velocimetry.velocimeter import Measured
 
@@ -26,7 +27,7 @@ class VelocimetryStatus(GeoreferenceStatus):
         self._unit, self._level_timeout_s = unit, level_timeout_s
         self._intervals = self._vectors = 0
         self._last: Vectors | None = None
-        self._bank: deque[Vectors] = deque(maxlen=_BANK_INTERVALS)
+        self._bank: deque[BankVelocity] = deque(maxlen=_BANK_INTERVALS)
         self._latency_ms: float | None = None
 
     def on_measured(self, measured: Measured, latency_ns: int) -> None:
@@ -41,12 +42,10 @@ class VelocimetryStatus(GeoreferenceStatus):
 
     def on_bank(self, measured: Measured) -> None:
         """An interval of the bank."""
-        self._bank.append(measured.vectors)
-        bank = bank_velocity(joined(self._bank, self._unit))
-        if bank is not None and not bank.is_zero:
-            x, y = bank.velocity_m_s
-            self.warn("bank", f"the bank moves by ({x:.3g}, {y:.3g}) {self._unit}/s, more than its error bar of "
-                      f"{bank.sigma_m_s:.2g}: the frames do not lie still")
+        self._bank.append(bank_of(measured))
+        bank = over_time(self._bank)
+        if bank.at_rest is False:
+            self.warn("bank", f"the bank moves by {told(bank, self._unit)}; the frames do not lie still")
 
     def _check_level(self, stamp_ns: int) -> None:
         newest_ns = self.newest_ns(WATER_LEVEL_TOPIC)
@@ -58,8 +57,8 @@ class VelocimetryStatus(GeoreferenceStatus):
         last, unit = self._last, self._unit
         speed = None if last is None or not len(last) else float(np.median(speed_m_s(last)))
         sigma = None if last is None or not len(last) else float(np.median(sigma_speed_m_s(last)))
-        bank = bank_velocity(joined(self._bank, unit))
-        x, y = (None, None) if bank is None else bank.velocity_m_s.tolist()
+        bank = over_time(self._bank)
+        x, y, sigma_x, sigma_y = (*bank.median_m_s.tolist(), *bank.sigma_m_s.tolist()) if bank.count else (None,) * 4
         return {
             **super()._values(state),
             "intervals": str(self._intervals),
@@ -69,6 +68,7 @@ class VelocimetryStatus(GeoreferenceStatus):
             "median_sigma": number(sigma),
             "bank_vx": number(x),
             "bank_vy": number(y),
-            "bank_sigma": number(None if bank is None else bank.sigma_m_s),
+            "bank_sigma_vx": number(sigma_x),
+            "bank_sigma_vy": number(sigma_y),
             "velocity_latency_ms": "" if self._latency_ms is None else f"{self._latency_ms:.3f}",
         }

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from stab_ros.core.types import FloatArray, Gray
 from stab_ros.report.panel import Panel, drawn, label, new_axes, picture_height_in
-from stab_ros.velocimetry.cells import VelocityGrid
+from stab_ros.velocimetry.grid import VelocityGrid
 from stab_ros.velocimetry.speeds import speed_m_s
 from stab_ros.velocimetry.vectors import Unit, Vectors
 
@@ -66,18 +66,18 @@ def histogram_panel(vectors: Vectors) -> Panel:
 
 def median_panel(grid: VelocityGrid, background: Background | None, vectors: Vectors) -> Panel:
     """Median velocity of each cell, as arrows on a map of speed."""
-    speed = np.hypot(*grid.velocity_m_s.T)
-    figure, axes = _cells(grid, speed, _top(speed), f"median speed, {grid.unit}/s", background, vectors)
-    axes.quiver(*grid.centre_m.T, *(grid.velocity_m_s / np.where(speed > 0, speed, 1)[:, None]).T, angles="xy",
-                scale_units="xy", scale=1.4 / grid.cell_m, color="black", width=0.003)
-    return drawn(figure, "Median velocity", f"Cells of {grid.cell_m:g} {grid.unit}; arrows: direction.",
+    speed = np.hypot(*grid.median_m_s.T)
+    figure, axes = _cells(grid, speed, _top(speed), f"median speed, {vectors.unit}/s", background, vectors)
+    axes.quiver(*grid.centre_m.T, *(grid.median_m_s / np.where(speed > 0, speed, 1)[:, None]).T, angles="xy",
+                scale_units="xy", scale=1.4 / grid.side_m, color="black", width=0.003)
+    return drawn(figure, "Median velocity", f"Cells of {grid.side_m:g} {vectors.unit}; arrows: direction.",
                  "A map of the median speed of each cell, with arrows in the direction of the flow.", photo=True)
 
 
 def sigma_panel(grid: VelocityGrid, background: Background | None, vectors: Vectors) -> Panel:
     """Standard error of each cell."""
-    sigma = grid.standard_error_m_s
-    figure, axes = _cells(grid, sigma, _top(sigma), f"standard error, {grid.unit}/s", background, vectors)
+    sigma = np.hypot(*grid.sigma_m_s.T)
+    figure, axes = _cells(grid, sigma, _top(sigma), f"standard error, {vectors.unit}/s", background, vectors)
     axes.set_axisbelow(True)
     return drawn(figure, "Standard error of the median", "Of the vectors' own errors or their scatter, whichever is "
                  "larger, and of all that they share: camera, water level, homographies.",
@@ -115,12 +115,12 @@ def _plane(background: Background | None, unit: Unit) -> tuple[Figure, Axes]:
 def _cells(grid: VelocityGrid, values: FloatArray, top: float, name: str, background: Background | None,
            vectors: Vectors) -> tuple[Figure, Axes]:
     """Coloured cells over the background."""
-    figure, axes = _plane(background, grid.unit)
+    figure, axes = _plane(background, vectors.unit)
     low = grid.centre_m.min(axis=0)
-    column, row = np.round((grid.centre_m - low) / grid.cell_m).astype(int).T
+    column, row = np.round((grid.centre_m - low) / grid.side_m).astype(int).T
     table = np.full((row.max() + 1, column.max() + 1), np.nan)
     table[row, column] = values
-    (left, bottom), (right, up) = low - grid.cell_m / 2, grid.centre_m.max(axis=0) + grid.cell_m / 2
+    (left, bottom), (right, up) = low - grid.side_m / 2, grid.centre_m.max(axis=0) + grid.side_m / 2
     shown = axes.imshow(table, cmap=_COLOURS, vmin=0, vmax=top, alpha=0.75, origin="lower",
                         extent=(left, right, bottom, up))
     figure.colorbar(shown, ax=axes, label=name, shrink=0.8)

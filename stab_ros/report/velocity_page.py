@@ -20,7 +20,9 @@ from stab_ros.report.velocity_maps import (
     trajectory_panel,
 )
 from stab_ros.velocimetry.bank import BankVelocity
-from stab_ros.velocimetry.cells import cell_for, gridded
+from stab_ros.velocimetry.bank_over_time import told
+from stab_ros.velocimetry.grid import on_grid
+from stab_ros.velocimetry.grid_side import side_for
 from stab_ros.velocimetry.speeds import sigma_speed_m_s, speed_m_s
 from stab_ros.velocimetry.vectors import Vectors
 
@@ -32,7 +34,7 @@ class Measurement:
     Attributes:
         source: name of the recording.
         vectors: of the water.
-        bank: velocity of static ground; None: not measured.
+        bank: velocity of static ground.
         bank_vectors: of static ground.
         background: picture of the plane; None: there is none.
         bank_known: whether a static map tells where the bank is.
@@ -44,7 +46,7 @@ class Measurement:
 
     source: str
     vectors: Vectors
-    bank: BankVelocity | None
+    bank: BankVelocity
     bank_vectors: Vectors
     background: Background | None
     bank_known: bool
@@ -61,7 +63,7 @@ def write_velocity_page(path: Path, measurement: Measurement) -> None:
         WorkError: it cannot be written.
     """
     text = rendered("velocity.html", source=measurement.source, rows=list(_rows(measurement)),
-                    verdict=bank_verdict(measurement), bank=measurement.bank, warnings=measurement.warnings,
+                    verdict=bank_verdict(measurement), at_rest=measurement.bank.at_rest, warnings=measurement.warnings,
                     sections=list(_sections(measurement)))
     try:
         path.write_text(text, encoding="utf-8", errors="replace")
@@ -71,15 +73,12 @@ def write_velocity_page(path: Path, measurement: Measurement) -> None:
 
 def bank_verdict(measurement: Measurement) -> str:
     """What the bank tells of the velocities, in one sentence."""
-    bank, unit = measurement.bank, measurement.vectors.unit
-    if bank is None:
+    bank = measurement.bank
+    if not bank.count:
         return ("The bank of the static map shows too little to tell whether it stands still." if measurement.bank_known
                 else "No static map tells where the bank is, so nothing shows that the frames lie still.")
-    x, y = bank.velocity_m_s
-    told = (f"The bank moves by ({x:.2g}, {y:.2g}) {unit}/s with a standard deviation of {bank.sigma_m_s:.2g} {unit}/s "
-            f"({bank.count} vectors)")
-    return f"{told}: that is zero within its error bar." if bank.is_zero else (
-        f"{told}: that is not zero. The frames do not lie still, and all velocities are wrong by as much.")
+    wrong = "" if bank.at_rest else " The frames do not lie still, and all velocities are wrong by as much."
+    return f"The bank moves by {told(bank, measurement.vectors.unit)}.{wrong}"
 
 
 def _rows(measurement: Measurement) -> Iterator[tuple[str, str]]:
@@ -103,7 +102,7 @@ def _sections(measurement: Measurement) -> Iterator[Section]:
     if not len(vectors):
         yield Section("vectors", "Velocities", [Panel("Trajectories", "No vector was measured.")])
     else:
-        grid = gridded(vectors, measurement.grid_m or cell_for(vectors))
+        grid = on_grid(vectors, measurement.grid_m or side_for(vectors))
         yield Section("vectors", "Velocities", [trajectory_panel(vectors, background), histogram_panel(vectors)])
         yield Section("grid", "On a grid", [median_panel(grid, background, vectors),
                                             sigma_panel(grid, background, vectors)])

@@ -16,10 +16,6 @@ from stab_ros.velocimetry.posterior import solve
 from stab_ros.velocimetry.windows import PARAMETERS, TERMS, Seen, Windows, see
 
 _PASSES = 6
-_CONVERGED_PX = 0.02
-# What the template does not explain is correlated between neighbouring pixels (interpolation, aliasing, aperture), and
-# the smooth filters respond to just that. Calibrated on moving textures (bench/velocimetry/particles.py).
-_NOISE_CORRELATION = 2.0
 _FLOOR_PX = 0.002  # of deformations that are said to be known
 
 
@@ -73,7 +69,8 @@ class Aligned:
     correlation: FloatArray
 
 
-def align(windows: Windows, chosen: IdArray, gray: Gray, assumed: Pose, sigma_px: FloatArray) -> Aligned:
+def align(windows: Windows, chosen: IdArray, gray: Gray, assumed: Pose, sigma_px: FloatArray,
+          within_px: float) -> Aligned:
     """Finds windows near where they are assumed.
 
     Args:
@@ -83,6 +80,7 @@ def align(windows: Windows, chosen: IdArray, gray: Gray, assumed: Pose, sigma_px
         assumed: of the chosen ones.
         sigma_px: (n, 6), standard deviations of the coefficients of `bent_px` before anything is seen; that of the
             constant is not used: it is free.
+        within_px: a window whose points move no more than this in a pass is done.
     """
     n = len(chosen)
     pose, covariance, correlation = assumed[np.arange(n)], np.zeros((n, 2, 2)), np.zeros(n)
@@ -96,7 +94,7 @@ def align(windows: Windows, chosen: IdArray, gray: Gray, assumed: Pose, sigma_px
         grown = before.carried @ (np.eye(2) + before.bent_px[:, :, 1:3] / windows.radius)
         covariance[moving] = grown @ spread @ grown.transpose(0, 2, 1)
         correlation[moving] = seen.correlation
-        moving = moving[(np.abs(change).max(axis=(1, 2), initial=0) > _CONVERGED_PX) & (seen.gain > 0)]
+        moving = moving[(np.abs(change).max(axis=(1, 2), initial=0) > within_px) & (seen.gain > 0)]
         if not len(moving):
             break
     return Aligned(pose, covariance, correlation)
@@ -107,6 +105,6 @@ def _solved(windows: Windows, chosen: IdArray, seen: Seen, bent_px: FloatArray,
     """Changes (n, 2, 6) of the coefficients, px, and covariance (n, 2, 2) of the displacement of the centre."""
     change, spread = np.zeros((len(chosen), 2, TERMS)), np.zeros((len(chosen), 2, 2))
     variance = np.tile(np.maximum(sigma_px, _FLOOR_PX) ** 2, 2)
-    solve(chosen, windows.response, windows.gram, seen.products, _NOISE_CORRELATION * seen.noise,
+    solve(chosen, windows.response, windows.gram, seen.products, seen.noise,
            bent_px.reshape(-1, PARAMETERS), variance, change.reshape(-1, PARAMETERS), spread)
     return change, spread

@@ -1,66 +1,69 @@
-"""Whether the bank stands still: the velocity of static ground, which must be 0 within its error bar."""
+"""The velocity of what does not move: measured on the bank, it must be zero within its error bar.
+
+It tests the stabilisation and the error bars at once: an error of a homography moves the bank as it moves the water.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from stab_ros.core.types import FloatArray
+from stab_ros.velocimetry.plane_mask import PlaneMask
 from stab_ros.velocimetry.vectors import Vectors
 
-_LEAST = 8  # vectors
-_SURE = float(chi2.ppf(0.95, 2))
-_MEDIAN = np.pi / 2  # variance of the median of normal errors, times that of their mean
+_CHI2_99 = 9.21  # of two degrees of freedom
+_MEDIAN_COST = np.pi / 2  # variance of the median per variance of the mean
+_MEDIAN_SPREAD = 1.4826
 
 
 @dataclass(frozen=True, eq=False)
 class BankVelocity:
-    """The velocity of the bank.
+    """What was measured on the bank.
 
     Attributes:
-        count: number of vectors.
-        velocity_m_s: (2,), median of each component.
-        covariance: (2, 2) of it: of the median of the vectors' own errors, and of what they share.
-        speed_m_s: median of the speeds of the single vectors, noise included.
+        count: number of vectors on it.
+        median_m_s: (2,), of their components; NaN without any.
+        covariance: (2, 2) of that median, by all errors, (m/s)^2; NaN without any.
     """
 
     count: int
-    velocity_m_s: FloatArray
+    median_m_s: FloatArray
     covariance: FloatArray
-    speed_m_s: float
 
     @property
-    def sigma_m_s(self) -> float:
-        """Standard deviation of the velocity, root of the trace."""
-        return float(np.sqrt(np.trace(self.covariance)))
+    def sigma_m_s(self) -> FloatArray:
+        """(2,), standard deviations."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property
-    def is_zero(self) -> bool:
-        """Whether 0 lies within the 95 % error ellipse."""
-        return bool(self.velocity_m_s @ np.linalg.pinv(self.covariance) @ self.velocity_m_s <= _SURE)
+    def at_rest(self) -> bool | None:
+        """Whether zero lies in the region that holds 99 of 100 measurements of a bank; None: nothing was measured."""
+        if not self.count:
+            return None
+        return bool(self.median_m_s @ np.linalg.pinv(self.covariance, hermitian=True) @ self.median_m_s <= _CHI2_99)
 
 
-def bank_velocity(vectors: Vectors) -> BankVelocity | None:
-    """The velocity of vectors on the bank; None: they are too few to tell.
+def bank_velocity(vectors: Vectors, bank: PlaneMask) -> BankVelocity:
+    """The velocity of what lies on the bank.
 
-    Each component's own error is that of a median of independent vectors, but no less than their scatter tells. What is
-    shared is averaged with its sign; the errors of the frames between which an interval was measured are new in each.
+    Args:
+        vectors: of one interval, measured on water and bank alike.
+        bank: static ground on the plane of the vectors, as a static map or polygons.
+
+    Returns:
+        The median of the vectors that begin and end on it, with covariance.
     """
-    if len(vectors) < _LEAST:
-        return None
-    v = vectors.velocity_m_s
-    median = np.median(v, axis=0)
-    scatter = np.diag((1.4826 * np.median(np.abs(v - median), axis=0)) ** 2)
-    own = vectors.covariance.mean(axis=0)
-    own = own if np.trace(own) > np.trace(scatter) else scatter
-    covariance = _MEDIAN * own / len(vectors) + _shared(vectors)
-    return BankVelocity(len(vectors), median, covariance, float(np.median(np.hypot(*v.T))))
-
-
-def _shared(vectors: Vectors) -> FloatArray:
-    """(2, 2), of the means of the intervals; an error is taken for another one in each interval."""
-    starts, which = np.unique(vectors.start_ns, return_inverse=True)
-    means = [vectors.shared[which == k].mean(axis=0) * np.mean(which == k) for k in range(len(starts))]
-    return np.asarray(sum((mean @ mean.T for mean in means), np.zeros((2, 2))))
+    still = vectors[bank.holds(vectors.start_m) & bank.holds(vectors.end_m)]
+    n = len(still)
+    if not n:
+        return BankVelocity(0, np.full(2, np.nan), np.full((2, 2), np.nan))
+    velocity = still.velocity_m_s
+    median = np.median(velocity, axis=0)
+    scatter = (_MEDIAN_SPREAD * np.median(np.abs(velocity - median), axis=0)) ** 2
+    told = still.covariance.mean(axis=0)
+    excess = np.maximum(scatter - np.diag(told), 0)
+    own = (told + np.diag(excess)) * (_MEDIAN_COST if n > 2 else 1.0) / n
+    common = still.shared.mean(axis=0)
+    return BankVelocity(n, median, own + common @ common.T)

@@ -20,7 +20,7 @@ _CURVATURE = 0.02
 
 
 def compared(windows: Windows, which: IdArray, footprints: Footprints, frame: PlacedFrame, near_px: FloatArray,
-             assumed_px: FloatArray, config: VelocityConfig) -> tuple[Aligned, BoolArray]:
+             assumed_px: FloatArray, config: VelocityConfig, within_px: float) -> tuple[Aligned, BoolArray]:
     """Finds windows in a frame.
 
     Args:
@@ -31,6 +31,7 @@ def compared(windows: Windows, which: IdArray, footprints: Footprints, frame: Pl
         near_px: (n, 2), where they are expected.
         assumed_px: (n, 2, 6), by how much the flow is expected to have deformed them, see `alignment.Pose`.
         config: the settings.
+        within_px: the search ends where nothing in the windows moves more.
 
     Returns:
         Where they are, and (n,) bool, which of them look alike and are near.
@@ -43,6 +44,6 @@ def compared(windows: Windows, which: IdArray, footprints: Footprints, frame: Pl
     linear = config.shear_s * footprints.elapsed_s(frame) * windows.radius
     bent = _CURVATURE * np.nan_to_num(footprints.moved_px(places_m))
     sigma_px = np.stack([np.zeros_like(linear), linear, linear, bent, bent, bent], axis=1)
-    aligned = align(windows, which, frame.gray, pose, sigma_px)
+    aligned = align(windows, which, frame.gray, pose, sigma_px, within_px)
     off_px = np.hypot(*(aligned.pose.at_px - near_px).T)
     return aligned, at_hand & (aligned.correlation >= config.min_correlation) & (off_px < _FAR_SHARE * config.block_px)

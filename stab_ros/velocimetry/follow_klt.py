@@ -18,6 +18,8 @@ from stab_ros.velocimetry.settings import VelocityConfig
 from stab_ros.velocimetry.tracks import Tracks
 from stab_ros.velocimetry.windows import TERMS, cut_windows
 
+_EXACT_PX = 0.01
+
 
 class KltFollower:
     """`Follower` by optical flow from frame to frame."""
@@ -55,7 +57,7 @@ class KltFollower:
         covariance_px2 = np.tile(self._config.max_bidirectional_px**2 * np.eye(2), (n, 1, 1))
         last = np.flatnonzero(tracks.alive)
         aligned, good = compared(self._windows, last, self._footprints[last], self._last, tracks.end_px[last],
-                                 np.zeros((len(last), 2, TERMS)), self._config)
+                                 np.zeros((len(last), 2, TERMS)), self._config, _EXACT_PX)
         drift_px = (tracks.end_px[last] - aligned.pose.at_px)[good]
         covariance_px2[last[good]] = aligned.covariance_px2[good] + drift_px[:, :, None] * drift_px[:, None, :]
         J, _ = place_derivatives(self._last, tracks.end_px)

@@ -1,9 +1,9 @@
 """Features that are compared, in every frame, with how they looked first.
 
 Where a feature goes is predicted by its motion on the water plane, so that the camera's motion and its lens are no part
-of the search; only in its first step, or where the prediction fails, is it sought by pyramidal optical flow. Compared
-with its first look, errors do not add up from frame to frame. A feature that no longer looks as it did is compared with
-how it looked last; its errors up to there remain.
+of the search; only in its first step, without a velocity, is it sought by pyramidal optical flow. Compared with its
+first look, errors do not add up from frame to frame. A feature that no longer looks as it did is compared with how it
+looked last; its errors up to there remain.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ from stab_ros.velocimetry.places import pixels_of, place_derivatives, places_of
 from stab_ros.velocimetry.settings import VelocityConfig
 from stab_ros.velocimetry.tracks import Tracks
 from stab_ros.velocimetry.windows import TERMS, cut_windows
+
+_ROUGH_PX, _EXACT_PX = 0.1, 0.01  # where alignments end: in the frames between, and in the last one
 
 
 class TemplateFollower:
@@ -53,20 +55,21 @@ class TemplateFollower:
         alive, known = self._tracks.alive, np.isfinite(self._velocity[:, 0])
         expected_px = self._expected_px(frame)
         self._seek(frame, np.flatnonzero(alive & known), expected_px)
-        lost = np.flatnonzero(alive & ~self._found)
-        flowed_px, consistent = followed(self._last.gray, frame.gray, self._tracks.end_px[lost], expected_px[lost],
-                                         self._config)
-        lost = lost[consistent]
-        expected_px[lost] = flowed_px[consistent]
-        self._seek(frame, lost, expected_px)
-        changed = lost[~self._found[lost] & (self._footprints.stamp_ns[lost] < self._last.stamp_ns)]
+        changed = np.flatnonzero(alive & known & ~self._found & (self._footprints.stamp_ns < self._last.stamp_ns))
         self._renew(changed)
         self._seek(frame, changed, expected_px)
+        new = np.flatnonzero(alive & ~known)
+        flowed_px, consistent = followed(self._last.gray, frame.gray, self._tracks.end_px[new], expected_px[new],
+                                         self._config)
+        expected_px[new] = flowed_px
+        self._seek(frame, new[consistent], expected_px)
         self._keep(frame)
 
     def finish(self) -> Tracks:
+        if self._last is not self._first:
+            self._refine()
+            self._check_backward()
         self._tracks.covariance_m2 = self._before_m2 + self._since_m2
-        self._check_backward()
         return self._tracks
 
     def _expected_px(self, frame: PlacedFrame) -> FloatArray:
@@ -75,12 +78,12 @@ class TemplateFollower:
         expected = pixels_of(frame, self._tracks.places_m[-1] + np.nan_to_num(self._velocity) * step_s)
         return np.where(np.isfinite(expected), expected, self._tracks.end_px)
 
-    def _seek(self, frame: PlacedFrame, which: IdArray, near_px: FloatArray) -> None:
-        """Compares the windows `which`, (n,), with the frame near pixels (N, 2)."""
+    def _seek(self, frame: PlacedFrame, which: IdArray, near_px: FloatArray, within_px: float = _ROUGH_PX) -> None:
+        """Compares the windows `which`, (n,), with the frame near pixels (N, 2), until they move less than so much."""
         elapsed_s = self._footprints.elapsed_s(frame)
         assumed_px = self._bent_px_s[which] * elapsed_s[which, None, None]
         aligned, good = compared(self._windows, which, self._footprints[which], frame, near_px[which], assumed_px,
-                                 self._config)
+                                 self._config, within_px)
         which, pose = which[good], aligned.pose[good]
         self._found[which], self._at_px[which] = True, pose.at_px
         self._bent_px_s[which] = pose.bent_px / elapsed_s[which, None, None]
@@ -104,16 +107,24 @@ class TemplateFollower:
         self._tracks.seen(frame, which, self._at_px[which], places_m)
         self._last = frame
 
+    def _refine(self) -> None:
+        """Finds those that are seen in the last frame to the last hundredth of a pixel."""
+        tracks = self._tracks
+        which = np.flatnonzero(tracks.alive)
+        self._seek(self._last, which, tracks.end_px, _EXACT_PX)
+        tracks.end_px[which] = self._at_px[which]
+        tracks.places_m[-1][which] = places_of(self._last, self._at_px[which])
+
     def _check_backward(self) -> None:
         """Drops features that are not found where they began, seen from the last frame."""
         tracks = self._tracks
         whole = np.flatnonzero(tracks.alive & (self._footprints.stamp_ns == self._first.stamp_ns))
-        if self._last is self._first or not len(whole):
+        if not len(whole):
             return
         windows = cut_windows(self._last.gray, tracks.end_px[whole], self._windows.radius)
         footprints = Footprints.of(self._last, tracks.end_px[whole])
         backward_px = -self._bent_px_s[whole] * footprints.elapsed_s(self._first)[:, None, None]
         aligned, good = compared(windows, np.arange(len(whole)), footprints, self._first, tracks.start_px[whole],
-                                 backward_px, self._config)
+                                 backward_px, self._config, _ROUGH_PX)
         off_px = np.hypot(*(aligned.pose.at_px - tracks.start_px[whole]).T)
         tracks.drop(whole[~good | (off_px > self._config.max_bidirectional_px)])

@@ -51,7 +51,7 @@ class VelocityConfig(Checked):
         "template", "How features are followed: klt (from frame to frame, errors may add up) or template (predicted, "
         "and compared with how they first looked)", choices=FOLLOW)
     min_correlation: float = setting(
-        0.6, "With follow template: smallest correlation with how the feature looked first; below, it is followed by "
+        0.75, "With follow template: smallest correlation with how the feature looked first; below, it is followed by "
         "how it looked last", 0.1, 0.99)
     shear_s: float = setting(
         0.5, "With follow template: standard deviation of velocity gradients of the water in 1/s, by which windows are "

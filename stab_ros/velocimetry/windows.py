@@ -67,7 +67,8 @@ class Seen:
         products: (n, 12), projected products of the image with the steepest descent images, at unit gain.
         gain: (n,) contrast relative to the template; 0 where the window is not completely inside the image, or flat.
         correlation: (n,) with the template.
-        noise: (n,) variance of what the template does not explain, at unit gain, grey levels^2.
+        noise: (n,) what the template does not explain, at unit gain: power at long wavelengths, as the variance of
+            the white noise that has it there, grey levels^2.
     """
 
     products: FloatArray
@@ -184,9 +185,27 @@ def _see(gray: Gray, places: FloatArray, chosen: IdArray, radius: int, template:
             continue
         gain[i] = along / power[p]
         correlation[i] = along / np.sqrt(variance * power[p])
-        noise[i] = (max(variance - along * gain[i], 0.0) / (count - 14) + 1 / 12) / gain[i] ** 2
+        noise[i] = _low_noise(values, template[p], total / count, gain[i]) / gain[i] ** 2
         for k in range(12):
             products[i, k] = (raw[k] - constant[p, k] * total - likeness[p, k] * along) / gain[i]
+
+
+@inlined(fastmath=True)
+def _low_noise(values: FloatArray, template: FloatArray, mean: float, gain: float) -> float:
+    """Variance of white noise that has the power of the residuals at wavelengths above a few px.
+
+    By means over blocks of 3x3 px. At short wavelengths interpolation takes noise away, to which the smooth filters do
+    not respond, and what has changed in the texture of the water lies at long ones.
+    """
+    blocks, total = len(values) // 3, 0.0
+    for i in range(blocks):
+        for j in range(blocks):
+            level = np.float32(0)
+            for y in range(3 * i, 3 * i + 3):
+                for x in range(3 * j, 3 * j + 3):
+                    level += values[y, x] - np.float32(mean) - np.float32(gain) * template[y, x]
+            total += level * level / 9
+    return total / max(blocks * blocks - 14, 1) + 1 / 12
 
 
 @inlined(fastmath=True)
