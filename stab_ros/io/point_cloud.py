@@ -57,4 +57,5 @@ def _dtype(message: _Cloud) -> np.dtype[Any]:
         "names": [field.name for field in message.fields],
         "formats": [order + _DTYPES[field.datatype] for field in message.fields],
         "offsets": [field.offset for field in message.fields], "itemsize": message.point_step}
-    return np.dtype(layout)
+    dtype: np.dtype[Any] = np.dtype(layout)
+    return dtype

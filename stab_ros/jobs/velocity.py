@@ -139,7 +139,7 @@ def velocity(job: Job, progress: Progress, compiling: Compiler = compile_kernels
         work = VelocityWork(job, job.velocity_values, recording, source, unit)
         compiling()
         started_s, total = time.monotonic(), expected(source.count, job.limit)
-        with _outputs(job, source, unit) as outputs:
+        with _outputs(job, source, work) as outputs:
             result = _run(job, source, work, outputs, lambda done: progress(done, total))
             if result.frames == result.unplaced.total():
                 raise recording.nothing_placed(result.unplaced, result.first_ns)
@@ -176,13 +176,13 @@ class _Outputs:
 
 
 def _measurement(result: Velocities, work: VelocityWork) -> Measurement:
-    return Measurement(
-        work.name, result.water, result.bank, joined([one.vectors for one in result.bank_parts], result.unit), work.background,
-        work.bank_known, result.frames, result.frames - result.unplaced.total(), result.warnings)
+    bank = joined([one.vectors for one in result.bank_parts], result.unit)
+    return Measurement(work.name, result.water, result.bank, bank, work.background, work.bank_known, result.frames,
+                       result.frames - result.unplaced.total(), result.warnings, work.grid_m)
 
 
 @contextmanager
-def _outputs(job: Job, source: Source, unit: Unit) -> Iterator[_Outputs]:
+def _outputs(job: Job, source: Source, work: VelocityWork) -> Iterator[_Outputs]:
     """Opens all writers. On an error they close first, so that the partial output is readable."""
     with ExitStack() as stack:
         writer = stack.enter_context(BagWriter(job.output, overwrite=job.force))
@@ -190,10 +190,9 @@ def _outputs(job: Job, source: Source, unit: Unit) -> Iterator[_Outputs]:
             ("tracks", job.tracks), ("netcdf", job.netcdf), ("html", job.html)) if path is not None}
         table_path = stack.enter_context(completed(job.csv)) if job.csv else None
         bag = VelocityBag(writer, source)
-        table = stack.enter_context(VelocityWriter(table_path, unit)) if table_path else None
+        table = stack.enter_context(VelocityWriter(table_path, work.unit)) if table_path else None
         replaced = [f"{source.name}: its own {', '.join(bag.replaced)} gave way to the new ones of the same name"]
-        grid_m = job.velocity_values.get("grid_m", 0.0)
-        yield _Outputs(bag, VelocityMessages(float(grid_m)), table, later, replaced if bag.replaced else [])
+        yield _Outputs(bag, VelocityMessages(work.grid_m), table, later, replaced if bag.replaced else [])
 
 
 def _run(job: Job, source: Source, work: VelocityWork, outputs: _Outputs, progress: OnFrame) -> Velocities:

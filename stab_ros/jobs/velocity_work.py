@@ -47,6 +47,11 @@ class VelocityWork:
         self.background: Background | None = None
 
     @property
+    def grid_m(self) -> float:
+        """Side of the cells of the grid; 0: what suits the vectors."""
+        return float(self._values.get("grid_m", 0.0))
+
+    @property
     def local_frame(self) -> LocalFrame | None:
         """Where the map is on the Earth; None: unknown."""
         return None if self._placing is None else self._placing.engine.local_frame

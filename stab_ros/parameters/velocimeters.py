@@ -147,7 +147,7 @@ def make_bank_check(values: Mapping[str, Value], stream: Stream, ground: StaticM
     def allowed(size: tuple[int, int]) -> BoolArray:
         ground.check_size(size)
         inner = np.ones((config.block_px, config.block_px), np.uint8)  # windows there show no water
-        return cv2.erode(ground.picture(), inner) >= GROUND
+        return np.asarray(cv2.erode(ground.picture(), inner) >= GROUND)
 
     return Velocimeter(stream, lambda zone: Particles(config, _water(zone), stream.unit), allowed)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from stab_ros.core.types import FloatArray, Image
+from stab_ros.core.types import BoolArray, FloatArray, Image
 from stab_ros.velocimetry.placed_frame import PlacedFrame
 from stab_ros.velocimetry.places import pixels_of
 from stab_ros.velocimetry.speeds import speed_m_s
@@ -29,8 +29,8 @@ def arrow_picture(placed: PlacedFrame, vectors: Vectors) -> Image:
     speed = speed_m_s(vectors)
     colours = 255 * speed_colours(speed, float(np.percentile(speed, 99)) if len(speed) else 1.0)[:, ::-1]
     starts, ends = pixels_of(placed, vectors.start_m), pixels_of(placed, vectors.end_m)
-    seen = np.isfinite(starts).all(axis=1) & np.isfinite(ends).all(axis=1)
-    seen[seen] = np.abs(np.concatenate([starts, ends], axis=1)[seen]).max(axis=1, initial=0) < _FAR_PX
+    farthest = np.abs(np.concatenate([starts, ends], axis=1)).max(axis=1, initial=0)  # NaN: not shown
+    seen: BoolArray = np.asarray(farthest < _FAR_PX)
     for start, end, colour in zip(starts[seen], ends[seen], colours[seen].tolist(), strict=True):
         (x0, y0), (x1, y1) = (np.round(point * 2**_FRACTION_BITS).astype(int).tolist() for point in (start, end))
         cv2.arrowedLine(image, (x0, y0), (x1, y1), colour, 1, cv2.LINE_AA, _FRACTION_BITS, 0.3)
