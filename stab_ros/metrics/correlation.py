@@ -21,6 +21,7 @@ from stab_ros.metrics.window_spectra import (
     LOW_PASS_PX,
     band_pass,
     both_halves,
+    correlation_at,
     gaussian_peak,
     taper,
     window_spectra,
@@ -148,12 +149,8 @@ class _Areas:
     def around(self, current: Gray, at: IdArray, shift_px: FloatArray) -> FloatArray:
         """Correlation (m, 3, 3) at the lags -1, 0 and 1 px around `shift_px`, which may be fractional."""
         cross, scale = self._cross(current, at, shift_px)
-        lags = (shift_px - np.round(shift_px))[:, :, None] + _LAGS
-        k = 2 * np.pi * np.fft.fftfreq(self._window_px)
-        half, both = np.abs(k[: cross.shape[2]]), both_halves(self._window_px)
-        rows = np.exp(1j * lags[:, 1, :, None] * k)
-        columns = both[:, None] * np.exp(1j * lags[:, 0, None, :] * half[:, None])
-        return np.asarray((rows @ cross @ columns).real * scale[:, None, None])
+        lags_px = (shift_px - np.round(shift_px))[:, :, None] + _LAGS
+        return np.asarray(correlation_at(cross, lags_px) * scale[:, None, None])
 
     def _cross(self, current: Gray, at: IdArray, shift_px: FloatArray) -> tuple[NDArray[np.complex128], FloatArray]:
         """Cross spectra (m, N, N/2+1), and the factors (m,) that normalize their sum to a correlation coefficient."""

@@ -46,6 +46,21 @@ def taper(side: int, fraction_px: FloatArray) -> FloatArray:
     return np.asarray(np.sin(np.pi / 2 * rise) ** 2)
 
 
+def correlation_at(cross: NDArray[np.complex128], lags_px: FloatArray) -> FloatArray:
+    """Correlation (m, L, L), not normalized, at any lags: the inverse Fourier transform at a few places.
+
+    Args:
+        cross: (m, N, N/2+1), cross spectra.
+        lags_px: (m, 2, L), the lags in x and those in y; row i and column j of the result are for y[i] and x[j].
+    """
+    side = cross.shape[1]
+    k = 2 * np.pi * np.fft.fftfreq(side)
+    half, both = np.abs(k[: cross.shape[2]]), both_halves(side)
+    rows = np.exp(1j * lags_px[:, 1, :, None] * k)
+    columns = both[:, None] * np.exp(1j * lags_px[:, 0, None, :] * half[:, None])
+    return np.asarray((rows @ cross @ columns).real)
+
+
 def band_pass(side: int) -> FloatArray:
     """Weights (N, N/2+1) of the frequencies of the cross spectrum."""
     k = 2 * np.pi * np.fft.fftfreq(side)
