@@ -14,8 +14,10 @@ from stab_ros.georeferencing.settings import GeoreferenceConfig
 from stab_ros.methods import METHODS
 from stab_ros.parameters.presets import PRESETS
 from stab_ros.tracking.settings import StabilizerConfig
+from stab_ros.velocimetry.lspiv import LspivConfig
 from stab_ros.velocimetry.settings import PRESETS as VELOCITY_PRESETS
 from stab_ros.velocimetry.settings import VelocityConfig
+from stab_ros.velocimetry.stiv import StivConfig
 
 Config = TypeVar("Config", StabilizerConfig, EvaluatorConfig, GeoreferenceConfig, VelocityConfig)
 
@@ -87,6 +89,10 @@ def _of_georeferencing() -> Iterator[Parameter]:
 def _of_velocimetry() -> Iterator[Parameter]:
     for one in parameters_of(VelocityConfig):
         yield _method_or_preset(one, VELOCITY_PRESETS) if one.name == "method" else one
+    yield from parameters_of(LspivConfig, "lspiv.")
+    yield from parameters_of(StivConfig, "stiv.")
+    yield Parameter("lines", "", Range("Lines of stiv, JSON [[[x, y], [x, y]], ...] in metres in the map (pixels of "
+                                       "the reference without georeference), or the path of a .json file"))
     yield Parameter("roi", "", Range(f"Region in which velocities are wanted: {_REGION}"))
     yield Parameter("exclude", "", Range(f"Region to leave out: {_REGION}"))
     yield Parameter("static_map", "", Range("Path of a static map of the same reference: a bag written by stabilize, "
@@ -200,6 +206,29 @@ def velocity_config(values: Mapping[str, Value]) -> VelocityConfig:
     if preset is not None:
         values = {**preset, **values, "method": preset["method"]}
     return _config(VelocityConfig, checked_values(values, VELOCITY_PARAMETERS))
+
+
+def lspiv_config(values: Mapping[str, Value]) -> LspivConfig:
+    """The settings of `lspiv` among parameters of velocimetry.
+
+    Raises:
+        ConfigError: as `checked_values`, or settings that contradict each other.
+    """
+    return LspivConfig(**_below("lspiv.", values))
+
+
+def stiv_config(values: Mapping[str, Value]) -> StivConfig:
+    """The settings of `stiv` among parameters of velocimetry.
+
+    Raises:
+        ConfigError: as `checked_values`.
+    """
+    return StivConfig(**_below("stiv.", values))
+
+
+def _below(prefix: str, values: Mapping[str, Value]) -> dict[str, Any]:
+    return {name.removeprefix(prefix): value for name, value in checked_values(values, VELOCITY_PARAMETERS).items()
+            if name.startswith(prefix)}
 
 
 def _config(settings: type[Config], values: Mapping[str, Value]) -> Config:

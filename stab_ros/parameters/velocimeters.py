@@ -17,18 +17,26 @@ from stab_ros.georeferencing.settings import GeoreferenceConfig
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.camera_file import read_camera_file
 from stab_ros.io.camera_profiles import profiles
+from stab_ros.io.lines import read_lines
 from stab_ros.io.regions import read_area
 from stab_ros.io.static_maps import read_static_map
 from stab_ros.parameters.engines import camera_of, check_georeference, make_georeferencer, uncalibrated
-from stab_ros.parameters.table import GEOREFERENCE_PARAMETERS, georeference_config, velocity_config
+from stab_ros.parameters.table import (
+    GEOREFERENCE_PARAMETERS,
+    georeference_config,
+    lspiv_config,
+    stiv_config,
+    velocity_config,
+)
 from stab_ros.tracking.static_map import StaticMap
-from stab_ros.velocimetry.method import Method
+from stab_ros.velocimetry.lspiv import Lspiv
 from stab_ros.velocimetry.particles import Particles
 from stab_ros.velocimetry.pictures import Stream
 from stab_ros.velocimetry.pixel_plane import PixelPlane
 from stab_ros.velocimetry.plane_mask import PlaneMask
+from stab_ros.velocimetry.stiv import Stiv
 from stab_ros.velocimetry.vectors import Unit
-from stab_ros.velocimetry.velocimeter import Velocimeter
+from stab_ros.velocimetry.velocimeter import MakeMethod, Velocimeter
 from stab_ros.velocimetry.zone import Zone
 
 _PLACES = ("orientation", "gcps_file", "height_m", "known_distance", "gsd_m")  # any of them tells of metres
@@ -93,9 +101,7 @@ def check_velocimetry(values: Mapping[str, Value]) -> None:
     Raises:
         InputError: as `make_velocimeter` and `make_placer`.
     """
-    config, _, _ = velocity_config(values), read_area(values), read_static_map(values)
-    if config.method != "particles":
-        raise ConfigError(f"method: {config.method} is not available yet, it must be particles")
+    make_velocimeter(values, Stream())
     stream_config(values)
     if unit_of(values) == "m":
         check_georeference(georeference_values(values))
@@ -111,7 +117,7 @@ def make_velocimeter(values: Mapping[str, Value], stream: Stream) -> Velocimeter
     Raises:
         InputError: a name is unknown, or a value, a region or the static map is wrong.
     """
-    config, area, ground = velocity_config(values), read_area(values), read_static_map(values)
+    make_method, area, ground = _method_maker(values, stream.unit), read_area(values), read_static_map(values)
 
     def allowed(size: tuple[int, int]) -> BoolArray | None:
         if area.roi is None and area.exclude is None and ground is None:
@@ -122,10 +128,25 @@ def make_velocimeter(values: Mapping[str, Value], stream: Stream) -> Velocimeter
             wanted &= ground.picture() < GROUND
         return wanted
 
-    def method(zone: Zone) -> Method:
-        return Particles(config, _water(zone), stream.unit)
+    return Velocimeter(stream, make_method, allowed)
 
-    return Velocimeter(stream, method, allowed)
+
+def _method_maker(values: Mapping[str, Value], unit: Unit) -> MakeMethod:
+    """Makes the method that the parameters name.
+
+    Raises:
+        InputError: a value is wrong, or lines are missing.
+    """
+    config = velocity_config(values)
+    if config.method == "lspiv":
+        by_correlation = lspiv_config(values)
+        return lambda zone: Lspiv(by_correlation, unit, zone.outlines())
+    if config.method == "stiv":
+        along, lines = stiv_config(values), read_lines(values)
+        if not lines:
+            raise ConfigError("method stiv measures along lines, give them as lines")
+        return lambda _zone: Stiv(along, lines, unit)
+    return lambda zone: Particles(config, _water(zone), unit)
 
 
 def make_bank_check(values: Mapping[str, Value], stream: Stream, ground: StaticMap) -> Velocimeter:

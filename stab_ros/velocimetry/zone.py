@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from stab_ros.core.geometry import apply, inside
@@ -28,6 +29,14 @@ class Zone:
         if self.allowed is None:
             return np.ones(len(vectors), bool)
         return self._allows(self.allowed, vectors.start_m) & self._allows(self.allowed, vectors.end_m)
+
+    def outlines(self) -> list[FloatArray]:
+        """Polygons (n, 2) on the plane around what is allowed, holes left out; none: everywhere."""
+        if self.allowed is None:
+            return []
+        found, _ = cv2.findContours(self.allowed.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+        corners = [outline.reshape(-1, 2).astype(float) for outline in found]
+        return [apply(self.plane_H_ref, outline) for outline in corners if len(outline) > 2]
 
     def pixels(self, places: FloatArray) -> FloatArray:
         """Pixels (N, 2) of the reference of places (N, 2)."""
