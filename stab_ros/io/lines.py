@@ -31,7 +31,7 @@ def read_lines(values: Mapping[str, Value]) -> tuple[FloatArray, ...]:
     text = str(values.get("lines", "")).strip()
     if not text:
         return ()
-    where = "the value" if text.startswith("[") else text[:80]
+    where = "the value" if text.startswith("[") else repr(text[:80])
     try:
         if not text.startswith("["):
             text = Path(text).read_text(encoding="utf-8-sig")[:_MAX_TEXT]

@@ -41,12 +41,20 @@ def read_cloud(cdr: bytes | memoryview) -> tuple[Header, Table]:
     message = cast("_Cloud", deserialize(cdr, POINT_CLOUD2))
     header = Header(to_ns(message.header.stamp), message.header.frame_id)
     try:
+        _check_sizes(message)
         table = np.ndarray((message.height, message.width), _dtype(message), np.ascontiguousarray(message.data).data,
                            strides=(message.row_step, message.point_step))
         return header, table.reshape(-1).copy()
     except (ValueError, TypeError, KeyError) as error:
         raise MessageError(f"a PointCloud2 of {message.width}x{message.height} points whose fields or sizes do not fit "
                            f"its {len(message.data)} bytes") from error
+
+
+def _check_sizes(message: _Cloud) -> None:
+    """Raises ValueError where points overlap, or the data are fewer: steps of 0 would make any number of points."""
+    step, row = message.point_step, message.row_step
+    if step < 1 or row < step * message.width or len(message.data) < row * message.height:
+        raise ValueError("more points than data")
 
 
 def _dtype(message: _Cloud) -> np.dtype[Any]:

@@ -44,13 +44,13 @@ class FollowPixels:
             return None
         first, last = self.frames[0], self.frames[-1]
         self.frames = [last]
-        stamps = (np.full(len(PIXELS), frame.stamp_ns) for frame in (first, last))
+        start_ns, end_ns = (np.full(len(PIXELS), frame.stamp_ns) for frame in (first, last))
         dt_s = (last.stamp_ns - first.stamp_ns) / 1e9
         by_first, by_last = (jacobian(frame.plane_H_image, PIXELS) for frame in (first, last))
         own = by_first @ first.covariance @ by_first.transpose(0, 2, 1) + (
             by_last @ last.covariance @ by_last.transpose(0, 2, 1))
         shared = (by_last @ last.shared - by_first @ first.shared) / dt_s
-        return Vectors(first.to_plane(PIXELS), last.to_plane(PIXELS), *stamps, own / dt_s**2, shared,
+        return Vectors(first.to_plane(PIXELS), last.to_plane(PIXELS), start_ns, end_ns, own / dt_s**2, shared,
                        np.arange(len(PIXELS)))
 
 
@@ -166,7 +166,8 @@ def test_what_is_shared_and_what_is_not(who: str) -> None:
 
     exact = [one.ref_H_cur for one in told]
     predicted = vectors(map_H_ref, exact)
-    assert (predicted.covariance.any(), predicted.shared.any()) == (who == "homographies", who == "reference")
+    assert bool(predicted.covariance.any()) is (who == "homographies")
+    assert bool(predicted.shared.any()) is (who == "reference")
     drawn = []
     for _ in range(300):
         errors = [np.append(rng.normal(0, np.sqrt(np.diag(own))), 0).reshape(3, 3) for _ in exact]
