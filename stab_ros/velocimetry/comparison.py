@@ -38,7 +38,7 @@ def compared(windows: Windows, which: IdArray, footprints: Footprints, frame: Pl
     """
     places_m = places_of(frame, near_px)
     carried = footprints.carried(frame, places_m)
-    at_hand = np.isfinite(carried).all(axis=(1, 2))
+    at_hand = np.asarray(np.isfinite(carried).all(axis=(1, 2)))
     pose = Pose(np.where(at_hand[:, None], near_px, _NOWHERE_PX), np.where(at_hand[:, None, None], carried, np.eye(2)),
                 assumed_px)
     linear = config.shear_s * footprints.elapsed_s(frame) * windows.radius
