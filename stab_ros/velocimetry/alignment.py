@@ -16,9 +16,6 @@ from stab_ros.velocimetry.posterior import solve
 from stab_ros.velocimetry.windows import PARAMETERS, TERMS, Seen, Windows, see
 
 _PASSES = 6
-# What terms of the displacement beyond the second order add to its error, as a share of the second-order ones: chosen
-# for a parabolic profile that ends at banks (bench/velocimetry/particles.py, even seeds).
-_HIGHER_ORDER = 0.02
 _FLOOR_PX = 0.002  # of deformations that are said to be known
 
 
@@ -95,19 +92,12 @@ def align(windows: Windows, chosen: IdArray, gray: Gray, assumed: Pose, sigma_px
         after = before.moved(change, windows.radius)
         pose.at_px[moving], pose.bent_px[moving] = after.at_px, after.bent_px
         grown = before.carried @ (np.eye(2) + before.bent_px[:, :, 1:3] / windows.radius)
-        spread += _of_higher_order(after.bent_px)
         covariance[moving] = grown @ spread @ grown.transpose(0, 2, 1)
         correlation[moving] = seen.correlation
         moving = moving[(np.abs(change).max(axis=(1, 2), initial=0) > within_px) & (seen.gain > 0)]
         if not len(moving):
             break
     return Aligned(pose, covariance, correlation)
-
-
-def _of_higher_order(bent_px: FloatArray) -> FloatArray:
-    """Covariance (n, 2, 2) of displacements, px^2, by terms of third order and above, as at the edge of the water."""
-    sigma_px = _HIGHER_ORDER * np.linalg.norm(bent_px[:, :, 3:], axis=2)
-    return np.asarray(sigma_px[:, :, None] ** 2 * np.eye(2))
 
 
 def _solved(windows: Windows, chosen: IdArray, seen: Seen, bent_px: FloatArray,
