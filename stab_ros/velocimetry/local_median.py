@@ -32,8 +32,7 @@ def fits_neighbours(position_m: FloatArray, velocity: FloatArray, noise: FloatAr
     if n <= _FEWEST:
         return np.ones(n, bool)
     count = min(NEIGHBOURS, n - 1)
-    _, nearest = cKDTree(position_m).query(position_m, k=count + 1)
-    others = nearest[:, 1:]
+    others = np.asarray(cKDTree(position_m).query(position_m, k=count + 1)[1])[:, 1:]
     median = np.median(velocity[others], axis=1)
     scatter = np.median(np.linalg.norm(velocity[others] - median[:, None], axis=2), axis=1)
     allowed = scatter + eps + noise

@@ -12,6 +12,7 @@ from stab_ros.velocimetry.plane_mask import PlaneMask
 from stab_ros.velocimetry.settings import VelocityConfig
 
 _CORNER_PX = 5  # window of the minimum eigenvalue, as of KLT-IV's detector
+_DARK = float(np.finfo(np.float32).tiny)
 _CANDIDATES = 8  # for each feature, before they are thinned out to an even density
 
 
@@ -23,19 +24,19 @@ def seeds(frame: PlacedFrame, water: PlaneMask | None, config: VelocityConfig) -
         water: where on the plane they may begin; None: everywhere.
         config: number, selection, borders.
     """
-    strength = cv2.cornerMinEigenVal(frame.gray, _CORNER_PX)
+    strength: FloatArray = np.asarray(cv2.cornerMinEigenVal(frame.gray, _CORNER_PX))
     side = _candidate_side(frame.gray, config)
     corners, score = _best_of_cells(strength, _inner(frame.gray.shape, config), side)
-    strong = score >= max(config.min_quality * float(strength.max(initial=0)), np.finfo(np.float32).tiny)
-    corners, score = corners[strong], score[strong]
+    least = max(config.min_quality * float(strength.max(initial=0)), _DARK)
+    corners, score = corners[score >= least], score[score >= least]
     places_m = places_of(frame, corners)
-    shown = np.isfinite(places_m).all(axis=1)
+    shown = np.asarray(np.isfinite(places_m).all(axis=1))
     if water is not None:
-        shown[shown] = water.holds(places_m[shown])
+        shown &= water.holds(places_m)
     corners, score, places_m = corners[shown], score[shown], places_m[shown]
     if config.selection == "even":
-        return corners[_evenly(frame, corners, score, places_m, side, config.features)]
-    return corners[np.sort(np.argsort(-score, kind="stable")[: config.features])]
+        return np.asarray(corners[_evenly(frame, corners, score, places_m, side, config.features)])
+    return np.asarray(corners[np.sort(np.argsort(-score, kind="stable")[: config.features])])
 
 
 def _inner(shape: tuple[int, ...], config: VelocityConfig) -> tuple[slice, slice]:
@@ -55,8 +56,8 @@ def _best_of_cells(strength: FloatArray, inner: tuple[slice, slice], side: int) 
     """Pixels (n, 2) of the largest strength of each whole cell of side x side px, and the strength (n,) there."""
     part = strength[inner]
     rows, columns = (n // side for n in part.shape)
-    cells = part[: rows * side, : columns * side].reshape(rows, side, columns, side).transpose(0, 2, 1, 3)
-    cells = cells.reshape(rows * columns, side * side)
+    blocks = part[: rows * side, : columns * side].reshape(rows, side, columns, side)
+    cells = blocks.transpose(0, 2, 1, 3).reshape(rows * columns, side * side)
     best = cells.argmax(axis=1) if cells.size else np.zeros(0, np.int64)
     number = np.arange(rows * columns)
     x = inner[1].start + number % max(columns, 1) * side + best % side

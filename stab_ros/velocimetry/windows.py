@@ -88,11 +88,9 @@ def cut_windows(gray: Gray, centres_px: FloatArray, radius: int) -> Windows:
     wide = _sampled(gray, centres_px, radius + _MARGIN)
     inner = slice(_MARGIN, -_MARGIN)
     template = wide[:, inner, inner] - wide[:, inner, inner].mean(axis=(1, 2), keepdims=True)
-    side = wide.shape[1]
-    smooth = cv2.GaussianBlur(wide.reshape(-1, side), (0, 0), _SMOOTHING_PX).reshape(wide.shape)
-    exact, gradient = _gradient(wide, inner), _gradient(smooth, inner)
+    exact, gradient = _gradient(wide, inner), _gradient(_smoothed(wide), inner)
     power = np.maximum(np.einsum("nij,nij->n", template, template).astype(float), 1e-9)
-    images, flat = _steepest_descent(gradient, radius), template.reshape(len(template), -1)
+    images, flat = _steepest_descent(gradient, radius), template.reshape(len(template), (2 * radius + 1) ** 2)
     constant = images.mean(axis=2)
     likeness = np.einsum("npk,nk->np", images, flat) / power[:, None]
     images -= constant[:, :, None] + likeness[:, :, None].astype(np.float32) * flat[:, None]
@@ -135,6 +133,12 @@ def _sampled(gray: Gray, centres_px: FloatArray, radius: int) -> FloatArray:
     return np.asarray(along[:, :-1] + fy * (along[:, 1:] - along[:, :-1]))
 
 
+def _smoothed(wide: FloatArray) -> FloatArray:
+    """Windows (N, s, s), each smoothed; rows at its top and bottom mix with those of its neighbours."""
+    stacked = wide.reshape(-1, wide.shape[1])
+    return np.asarray(cv2.GaussianBlur(stacked, (0, 0), _SMOOTHING_PX).reshape(wide.shape) if len(wide) else wide)
+
+
 def _gradient(wide: FloatArray, inner: slice) -> FloatArray:
     """(2, N, s, s) derivatives along x and y by fourth-order central differences."""
     return np.stack([_derivative(wide, 2)[:, inner, inner], _derivative(wide, 1)[:, inner, inner]])
@@ -150,7 +154,7 @@ def _steepest_descent(gradient: FloatArray, radius: int) -> FloatArray:
     y, x = np.mgrid[-radius : radius + 1, -radius : radius + 1].astype(np.float32) / np.float32(radius)
     terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
     images = gradient.transpose(1, 0, 2, 3)[:, :, None] * terms
-    return np.asarray(images.reshape(len(images), PARAMETERS, -1))
+    return np.asarray(images.reshape(len(images), PARAMETERS, (2 * radius + 1) ** 2))
 
 
 # The helpers are inlined, so that fresh and cached code round alike (see `methods.patches`).

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from stab_ros.core.geometry import apply
-from stab_ros.core.types import FloatArray, Gray, Homography
+from stab_ros.core.types import FloatArray, Gray, Homography, IdArray
 from stab_ros.imaging.camera import Camera
 from stab_ros.velocimetry.placed_frame import PlacedFrame
 
@@ -95,7 +95,7 @@ class Water:
                            np.zeros((8, 8)) if covariance is None else covariance,
                            np.zeros((8, 0)) if shared is None else shared, self.camera)
 
-    def truth(self, start: FloatArray, start_ns: FloatArray, end_ns: FloatArray) -> FloatArray:
+    def truth(self, start: FloatArray, start_ns: IdArray, end_ns: IdArray) -> FloatArray:
         """True velocities (N, 2) of what was at `start` (N, 2) from `start_ns` to `end_ns`."""
         ends = np.array([self.flow(self.flow(p[None], -(a - _SECOND_NS) * 1e-9), (b - _SECOND_NS) * 1e-9)[0]
                          for p, a, b in zip(start, start_ns, end_ns, strict=True)]).reshape(-1, 2)
