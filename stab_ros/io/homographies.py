@@ -7,17 +7,17 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 
-from stab_ros.core.errors import InputError, WorkError
+from stab_ros.core.errors import InputError
 from stab_ros.core.text import number, one_line
 from stab_ros.core.types import Homography, State, Track
 from stab_ros.io.csv_rows import csv_rows
+from stab_ros.io.csv_table import CsvTable
 
 ELEMENTS = tuple(f"h{row}{column}" for row in range(3) for column in range(3))
 COLUMNS = ("frame", "stamp_ns", "status", *ELEMENTS)
@@ -39,8 +39,8 @@ class HomographyRow:
     ref_H_cur: Homography | None
 
 
-class HomographyWriter:
-    """Writes a table of homographies (`H.csv`) row by row; each row is flushed. A context manager.
+class HomographyWriter(CsvTable):
+    """Writes a table of homographies (`H.csv`).
 
     Args:
         path: the file; an existing one is overwritten.
@@ -50,12 +50,8 @@ class HomographyWriter:
     """
 
     def __init__(self, path: Path) -> None:
-        self._path = path
-        try:
-            self._file = path.open("w", encoding="utf-8", newline="")
-        except OSError as error:
-            raise self._broken(error) from error
-        self._write((*COLUMNS, *TRACK_COLUMNS))
+        super().__init__(path)
+        self.rows([(*COLUMNS, *TRACK_COLUMNS)])
 
     def write(self, frame: int, track: Track) -> None:
         """Appends a row.
@@ -64,32 +60,7 @@ class HomographyWriter:
             frame: number of the frame in the input, from 0; images that cannot be decoded count.
             track: the answer for the frame.
         """
-        self._write(_cells(frame, track))
-
-    def close(self) -> None:
-        """Closes the file."""
-        try:
-            self._file.close()
-        except OSError as error:
-            raise self._broken(error) from error
-
-    def __enter__(self) -> HomographyWriter:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def _write(self, cells: Iterable[str]) -> None:
-        try:
-            self._file.write(",".join(cells) + "\n")
-            self._file.flush()
-        except OSError as error:
-            raise self._broken(error) from error
-
-    def _broken(self, error: OSError) -> WorkError:
-        return WorkError(f"{self._path}: {error.strerror}")
+        self.rows([_cells(frame, track)])
 
 
 def _cells(frame: int, track: Track) -> list[str]:
