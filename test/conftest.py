@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from hypothesis import settings
 from recordings import RECORDERS
+from repeated_cases import ONE_CASE, USUAL_METHODS
 
 from stab_ros.cli import main
 from stab_ros.synthetic.flight import Flight, Shot, preset
@@ -40,11 +41,11 @@ _SLOW = {  # files with long flights, all methods at once, or whole reports
     "test_synthetic", "test_uncertainty",
 }
 _QUICK_METHODS = {"direct"}  # which stands for all methods while one works
-_USUAL_METHODS = {"direct", "klt", "sift", "akaze"}  # of the contract of methods in `make test`
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Marks what joins a ROS graph, what needs real videos and what takes long, by fixture, folder, file and method."""
+    shown: set[tuple[Path, str]] = set()  # tests of which the first case has been met
     for item in items:
         fixtures = getattr(item, "fixturenames", ())
         parameters = getattr(getattr(item, "callspec", None), "params", {})
@@ -53,7 +54,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if "shared_data" in fixtures:
             item.add_marker(pytest.mark.big)
         method = parameters.get("method", "direct")
-        if item.path.stem == "test_contract" and method not in _USUAL_METHODS:
+        test = item.path, getattr(item, "originalname", item.name)
+        repeated = test in shown and test[1] in ONE_CASE
+        shown.add(test)
+        if repeated or (item.path.stem == "test_contract" and method not in USUAL_METHODS):
             item.add_marker(pytest.mark.thorough)
         if item.path.stem in _SLOW or method not in _QUICK_METHODS:
             item.add_marker(pytest.mark.slow)

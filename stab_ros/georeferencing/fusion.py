@@ -23,7 +23,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from stab_ros.core.types import FloatArray, Homography
 from stab_ros.georeferencing.orientation import Unplaced
@@ -173,7 +173,7 @@ class Fusion:
         ahead, noise = self._predicted(state, sighting, ref_H_cur)
         observed = [one for one in (control, sensors) if one is not None]
         innovation = math.nan if sensors is None else self._innovation(ahead, noise, sensors)
-        if sensors is None or not innovation > chi2.isf(self.settings.unlikely, 8):
+        if sensors is None or not innovation > chdtri(8, self.settings.unlikely):
             self._contradicted_ns = None if sensors is not None else self._contradicted_ns
             return self._solved(ahead, inverse(ahead.P), noise, observed, self._start_pose(ahead), innovation)
         warning = ("sensors and homographies contradict each other: "

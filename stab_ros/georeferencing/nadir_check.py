@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.types import FloatArray
@@ -91,7 +91,7 @@ def doubts_of_nadir(config: GeoreferenceConfig, camera: Camera, gcps: ControlPoi
     """
     sigma_m = math.hypot(config.gcp_sigma_m, config.gcp_sigma_px * found.gsd_m)
     square = float(np.sum(found.residuals_m**2)) / sigma_m**2
-    if chi2.sf(square, 2 * len(gcps) - _FITTED) > _CREDIBLE:
+    if chdtrc(2 * len(gcps) - _FITTED, square) > _CREDIBLE:
         return ()
     return (f"the control points contradict a nadir view from this height by {found.rmse_px:.1f} px "
             f"({found.rmse_m:.2f} m) RMSE{_why(config, camera, gcps, found)}",)

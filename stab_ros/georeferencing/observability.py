@@ -10,7 +10,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from stab_ros.core.geometry import grid
 from stab_ros.core.types import FloatArray
@@ -178,7 +178,7 @@ def _places(problem: CameraProblem) -> CameraProblem:
 def _residuals(solution: Solution[CameraProblem]) -> list[str]:
     rms_px = float(np.sqrt(np.mean(np.sum(solution.residuals_px[solution.used] ** 2, axis=1))))
     noise, redundancy = solution.noise, solution.redundancy
-    if noise.image_px is not None and redundancy > 0 and chi2.sf(solution.rss, redundancy) < _CONTRADICTED:
+    if noise.image_px is not None and redundancy > 0 and chdtrc(redundancy, solution.rss) < _CONTRADICTED:
         return [f"residuals of {rms_px:.2g} px contradict the noise that was given: the uncertainties are too small by "
                 f"a factor of {np.sqrt(solution.rss / redundancy):.2g}"]
     if noise.image_px is None and 0 < redundancy < _MANY and solution.rss > _NOTABLE_PX**2 * redundancy:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from stab_ros.core.geometry import apply, jacobian, normalized
 from stab_ros.core.types import FloatArray, Homography
@@ -102,4 +102,4 @@ def agreement(predicted: PredictedRegistration, ref_H_cur: Homography, covarianc
     off = (apply(ref_H_cur, points) - apply(predicted.ref_H_cur, points)).ravel()
     J = jacobian(predicted.ref_H_cur, points).reshape(8, 8)
     squared = float(off @ np.linalg.solve(J @ (predicted.covariance + covariance) @ J.T, off))
-    return Agreement(squared, float(chi2.sf(squared, 8)), float(np.sqrt(np.mean(off**2) * 2)))
+    return Agreement(squared, float(chdtrc(8, squared)), float(np.sqrt(np.mean(off**2) * 2)))

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from scipy.stats import chi2
-from scipy.stats import f as fisher
+from scipy.special import chdtrc, fdtrc
 
 from stab_ros.core.types import BoolArray
 from stab_ros.georeferencing.adjustment import Problem, Solution
@@ -82,17 +81,17 @@ def chance(whole: Solution[Problem], part: Solution[Problem]) -> float:
     removed = len(whole.design) - len(part.design)
     drop = max(whole.rss - part.rss, 0.0)
     if _credible(part):
-        return float(chi2.sf(drop, removed))
+        return float(chdtrc(removed, drop))
     if part.redundancy <= 0:
         return 1.0
     least = (_ROUNDING_PX / (part.noise.image_px or 1.0))**2
-    return float(fisher.sf(drop / removed / (part.rss / part.redundancy + least), removed, part.redundancy))
+    return float(fdtrc(removed, part.redundancy, drop / removed / (part.rss / part.redundancy + least)))
 
 
 def _credible(solution: Solution[Problem]) -> bool:
     """Whether the noise is known and the residuals agree."""
     known = solution.noise.image_px is not None
-    return known and (solution.redundancy <= 0 or chi2.sf(solution.rss, solution.redundancy) > _CREDIBLE)
+    return known and (solution.redundancy <= 0 or chdtrc(solution.redundancy, solution.rss) > _CREDIBLE)
 
 
 def _without_more(solve: Solve, found: Cleaned, suspects: Sequence[int], most: int) -> Cleaned | None:
@@ -101,7 +100,7 @@ def _without_more(solve: Solve, found: Cleaned, suspects: Sequence[int], most: i
     if one is not None:
         return Cleaned(one[1], (*found.wrong, one[0]), _doubtful(solve, whole, one[0]))
     left = [i for i in suspects if whole.used[i]]
-    for k in range(2, most + 1):
+    for k in range(2, min(most, len(left)) + 1):
         part = solve(_less(whole.used, *left[:k]))
         if chance(whole, part) * math.comb(len(left), k) < SIGNIFICANCE:
             return Cleaned(part, (*found.wrong, *left[:k]))
@@ -124,10 +123,10 @@ def _looks_wrong(whole: Solution[Problem], i: int) -> bool:
     drop = float(whole.whitened[i] @ np.linalg.pinv(seen, rcond=1e-6) @ whole.whitened[i])
     left = max(whole.rss - drop, 0.0)
     if whole.noise.image_px is not None:
-        return bool(chi2.sf(drop, 2) < _SURE)
+        return bool(chdtrc(2, drop) < _SURE)
     least = (_ROUNDING_PX / 1.0)**2
     redundancy = whole.redundancy - 2
-    return redundancy > 0 and bool(fisher.sf(drop / 2 / (left / redundancy + least), 2, redundancy) < _SURE)
+    return redundancy > 0 and bool(fdtrc(2, redundancy, drop / 2 / (left / redundancy + least)) < _SURE)
 
 
 def _doubtful(solve: Solve, whole: Solution[Problem], worst: int) -> tuple[int, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,11 +14,7 @@ from stab_ros.core.geometry import apply
 from stab_ros.core.settings import Value
 from stab_ros.core.types import Homography
 from stab_ros.evaluation.evaluator import Evaluator
-from stab_ros.georeferencing.gcp_places import PlacedPoints, placed
-from stab_ros.georeferencing.georeferencer import Georeferencer
 from stab_ros.georeferencing.local_frame import LOCAL, LocalFrame
-from stab_ros.georeferencing.orientations import make_orientation
-from stab_ros.georeferencing.sensors import Sensors
 from stab_ros.georeferencing.settings import GeoreferenceConfig, numbers_of
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.camera_file import CameraFile, read_camera_file
@@ -28,6 +25,10 @@ from stab_ros.io.regions import read_area
 from stab_ros.io.static_maps import read_static_map
 from stab_ros.parameters.table import GEOREFERENCE_PARAMETERS, evaluator_config, georeference_config, stabilizer_config
 from stab_ros.tracking.stabilizer import Stabilizer
+
+if TYPE_CHECKING:  # imported where needed: with scipy they cost as much as all that a tracker needs
+    from stab_ros.georeferencing.gcp_places import PlacedPoints
+    from stab_ros.georeferencing.georeferencer import Georeferencer
 
 
 def make_stabilizer(values: Mapping[str, Value], camera: Camera | None = None) -> Stabilizer:
@@ -93,6 +94,10 @@ def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size:
     Raises:
         InputError: a name is unknown, a value or a file is wrong, or the orientation needs what is not given.
     """
+    from stab_ros.georeferencing.georeferencer import Georeferencer
+    from stab_ros.georeferencing.orientations import make_orientation
+    from stab_ros.georeferencing.sensors import Sensors
+
     file, remarks = camera_of(values, size)
     given = values.get("wse_m", _WSE.default) != _WSE.default
     if file is not None and file.wse_m is not None and not given:
@@ -127,6 +132,8 @@ def camera_of(values: Mapping[str, Value], size: tuple[int, int]) -> tuple[Camer
 def _gcps_of(values: Mapping[str, Value], config: GeoreferenceConfig, file: CameraFile | None,
              image_H_ref: Homography | None) -> PlacedPoints | None:
     """The control points of `gcps_file` in the map, their pixels those of the reference if images are stabilised."""
+    from stab_ros.georeferencing.gcp_places import placed
+
     path = str(values.get("gcps_file", ""))
     if not path:
         return None

@@ -204,6 +204,7 @@ def test_a_full_disk_ends_with_1_and_leaves_the_readable_part(
     assert executable("recover", tmp_path / "out.mcap.partial", tmp_path / "fixed.mcap").returncode == 0
 
 
+@pytest.mark.thorough
 def test_a_full_disk_is_noticed_by_the_video_too(tmp_path: Path) -> None:
     noise = np.random.default_rng(1)
     (tmp_path / "frames").mkdir()

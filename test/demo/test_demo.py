@@ -158,6 +158,7 @@ def test_frames_that_were_answered_in_a_silence_are_named_as_the_cause(demo: Dem
     assert "differ by 0.001 in frame 9 (9 frames were answered before enough was seen" in failure
 
 
+@pytest.mark.thorough
 def test_missing_measures_are_named_and_the_results_are_there(demo: Demo, tmp_path: Path) -> None:
     files = altered(demo, tmp_path / "altered", without(METRICS, 3, 70))
     verdict = reach(SAMPLE, read_homographies(TRUTH), files, SCALE, "the tracker ended")

@@ -140,6 +140,7 @@ def test_the_table_of_frames_holds_the_same(report: Path, found: dict[str, Any])
         assert (cells["status"], cells["inliers"]) == ("TRACKED", str(of_json["inliers"]))
 
 
+@pytest.mark.thorough
 def test_one_table_shows_all_and_the_same_twice(bag: Path, command: Command) -> None:
     options = ("--limit", 4, "--methods", ",".join(METHODS))
     one, said = compared(command, bag, *options)
@@ -241,6 +242,7 @@ def written(path: Path, images: list[Gray]) -> Path:
     return path
 
 
+@pytest.mark.thorough
 def test_lost_frames_are_counted_and_left_out(command: Command, tmp_path: Path) -> None:
     images = [picture(translation(0.7 * index, 0), SIZE) for index in range(5)]
     images[2] = random_noise(size=SIZE)
@@ -263,6 +265,7 @@ def test_lost_frames_are_counted_and_left_out(command: Command, tmp_path: Path) 
     assert "warning" not in said
 
 
+@pytest.mark.thorough
 def test_a_picture_that_cannot_be_decoded_costs_itself(flight: list[Shot], command: Command, tmp_path: Path) -> None:
     topic, msgtype = "/cam/image_raw/compressed", "sensor_msgs/msg/CompressedImage"
     messages = [Entry(topic, msgtype, shot.stamp_ns, compressed(shot, "png")) for shot in flight[:5]]
@@ -313,6 +316,7 @@ def test_a_process_that_dies_is_told(bag: Path) -> None:
     assert not multiprocessing.active_children()
 
 
+@pytest.mark.thorough
 def test_time_and_memory_are_the_methods_own(bag: Path, flight: list[Shot]) -> None:
     """This process holds far more than the children: nothing of it is counted."""
     ballast = np.ones(1_500_000_000, np.uint8)

@@ -124,6 +124,7 @@ def test_nothing_but_flat_pictures_is_no_error_but_said(
     assert [row["status"] for row in table(tmp_path / "H.csv")] == ["LOST"] * 3
 
 
+@pytest.mark.thorough
 def test_independent_noise_is_lost_in_every_row_after_the_reference(command: Command, tmp_path: Path) -> None:
     noise = np.random.default_rng(5)
     folder = tmp_path / "frames"

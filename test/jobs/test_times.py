@@ -66,6 +66,7 @@ def test_log_times_take_the_place_of_stamps_in_all_that_is_written(
             assert (one.data[:4], one.data[12:]) == (other.data[:4], other.data[12:])
 
 
+@pytest.mark.thorough
 def test_velocities_go_by_the_log(wrong: Path, flight: list[Shot], command: Command, tmp_path: Path) -> None:
     out, right = tmp_path / "out.mcap", write_mcap(tmp_path / "right.mcap", list(entries(flight)))
     median: dict[str, float] = {}

@@ -55,6 +55,7 @@ def test_no_misleading_flight_is_far_off_in_silence(seed: int, frames: int) -> N
     assert [verdict for verdict in verdicts if verdict.said == GRAVE] == []
 
 
+@pytest.mark.thorough
 def test_a_group_of_features_that_makes_no_plane_is_left() -> None:
     """There were features that agreed in a few frames and, all together, determined no homography in any."""
     flight = render(draw(200015))
@@ -92,6 +93,7 @@ def test_what_is_off_is_found() -> None:
     assert {verdict.frame for verdict in verdicts if verdict.said == GRAVE} == set(range(12, 30))
 
 
+@pytest.mark.thorough
 def test_what_is_lost_and_can_be_seen_is_found() -> None:
     flight = render(replace(draw(3, 12, "none", SIZES), texture="crowns", water="none", encoding="raw", motion="hover"))
     verdicts = judge(flight, {"min_inliers": 10_000})

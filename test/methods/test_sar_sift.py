@@ -24,6 +24,7 @@ def speckled(gray: Gray, seed: int) -> Gray:
     return np.asarray(np.clip(np.round(gray * speckle), 0, 255), np.uint8)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["kolubara", "alpine"])
 def test_speckled_flights(name: str) -> None:
     flight = Flight(preset(name), size=FLIGHT, frames=13, seed=1)

@@ -150,6 +150,7 @@ def test_a_preset_is_chosen_at_the_start(graph: Graph) -> None:
     assert tracker.stop() == 0
 
 
+@pytest.mark.thorough
 def test_one_parameter_file_serves_node_and_command(
     graph: Graph, recordings: dict[str, Path], executable: Command, tmp_path: Path
 ) -> None:
@@ -197,6 +198,7 @@ def test_reset_makes_the_next_frame_the_latched_reference(graph: Graph, flight: 
     assert [values_of(one)["reference_stamp_ns"] for one in tracks] == ["0", "0", "5"]
 
 
+@pytest.mark.thorough
 def test_two_cameras(graph: Graph, flight: list[Shot]) -> None:
     for name in ("/left", "/right"):
         graph.start("tracker_node", name, queue_depth=0, wait_for_subscribers=1)

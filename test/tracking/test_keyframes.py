@@ -47,12 +47,14 @@ def test_a_traverse_of_three_widths_comes_back_to_the_truth(name: str) -> None:
     assert np.all(steps < 2 * np.maximum(flown.sigma_px[1:], flown.sigma_px[:-1]) + 0.1)  # no jump that sigma denies
 
 
+@pytest.mark.thorough
 def test_a_fixed_reference_is_lost_there() -> None:
     flown = fly(make_stabilizer({}), traverse("kolubara", 2.0))
     assert len(flown.lost) > 20
     assert np.nanmax(flown.error_px) < 1.0
 
 
+@pytest.mark.thorough
 def test_keyframes_are_bounded() -> None:
     stabilizer = make_stabilizer({**KEYFRAME, "max_keyframes": 3})
     flown = fly(stabilizer, traverse("kolubara", 3.0))
@@ -77,6 +79,7 @@ def test_a_lost_frame_is_found_by_another_keyframe() -> None:
     assert np.max(flown.error_px[-5:]) < 0.1
 
 
+@pytest.mark.thorough
 def test_settings_may_change_on_the_way() -> None:
     """The reference is still known: the loop is closed on the way back."""
     flight, stabilizer = traverse("kolubara", 1.0), make_stabilizer({"reference": "adjacent"})

@@ -116,12 +116,14 @@ def test_black_at_the_very_start(flight: Flight) -> None:
     assert np.nanmax(flown.error_px) < 0.05
 
 
+@pytest.mark.thorough
 def test_another_river_is_lost(flight: Flight) -> None:
     other = Flight(replace(preset("alpine"), fps=23.0), SIZE, FRAMES, seed=5)
     flown = fly(make_stabilizer({}), flight, lambda number, image: other[number].image if number >= FIRST else image)
     assert flown.lost == list(range(FIRST, FRAMES))
 
 
+@pytest.mark.thorough
 def test_too_much_blur_is_lost_and_not_wrong(flight: Flight) -> None:
     """Six px of Gaussian blur: patches are still found near by, but each where its own texture leans to."""
     flown = fly(make_stabilizer({}), flight, lambda number, image: np.asarray(cv2.GaussianBlur(image, (0, 0), 6.0))
@@ -172,6 +174,7 @@ def homography(row: dict[str, str]) -> Homography:
     return np.array([float(row[f"h{i}{j}"]) for i in range(3) for j in range(3)]).reshape(3, 3)
 
 
+@pytest.mark.thorough
 def test_gusts_over_fine_gravel_lose_nothing(shared_data: Path) -> None:
     """5 to 20 px a frame and a cut, over gravel that does not survive shrinking; 60 % of the reference in view."""
     with (shared_data / "gusts/truth.csv").open(newline="") as file:

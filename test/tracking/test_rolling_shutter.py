@@ -97,6 +97,7 @@ def test_what_is_not_looked_for_stays() -> None:
     assert stabilizer.swing is None
 
 
+@pytest.mark.thorough
 def test_the_image_is_straight() -> None:
     """Against the reference, which shows its own rows as they are."""
     found_levels, last = [], FRAMES - 2

@@ -1,0 +1,27 @@
+"""What `make test` leaves to `make thorough` because another case shows it in part."""
+
+from __future__ import annotations
+
+USUAL_METHODS = {"direct", "klt", "akaze"}  # of the contract of methods
+ONE_CASE = {  # parametrised tests of which the first case stands for the others
+    # flights, each with another trap, fault, scene or size of the same motion
+    "test_a_bank_along_the_rows_above_the_plane_is_no_rolling_shutter",
+    "test_a_damaged_first_picture_is_given_up_within_the_start",
+    "test_a_fault_in_the_stream_loses_no_more_than_it_must", "test_a_glitch_within_the_start_costs_itself_alone",
+    "test_a_jump_is_found_at_once", "test_a_path_is_followed_within_a_few_sigma", "test_a_plane_raises_no_alarm",
+    "test_a_river_without_swing_is_answered_as_if_it_were_not_looked_for",
+    "test_a_step_in_the_ground_is_told_with_its_direction", "test_a_turn_that_the_reference_cannot_follow",
+    "test_damaged_pictures_after_a_good_reference_cost_themselves_alone", "test_no_flight_is_far_off_in_silence",
+    "test_rigid_water_is_never_followed", "test_rows_that_swing_are_corrected", "test_sigma_is_honest_over_a_flight",
+    "test_boards_are_seen_where_the_truth_says", "test_control_points_place_a_moving_camera",
+    # residuals of other sizes and over other grounds
+    "test_a_known_residual_is_recovered", "test_a_residual_is_recovered", "test_a_camera_on_a_tripod_keeps_its_points",
+    "test_what_is_not_stabilised_at_all_never_stands_still",
+    # methods and models that take the same way through the stabiliser
+    "test_after_a_loss_the_same_reference_holds", "test_homographies_stay_in_the_model",
+    "test_new_settings_keep_the_reference", "test_wrong_settings_change_nothing",
+    "test_the_reason_names_what_the_frame_lacks", "test_with_the_camera_a_distorted_scene_is_tracked_to_the_truth",
+    # commands and nodes that read other inputs, or end at other moments, by the same code
+    "test_a_full_disk_ends_with_1_and_leaves_the_readable_part", "test_interrupted_demo_leaves_no_process",
+    "test_live_gives_what_the_command_gives", "test_what_another_tool_has_stabilised",
+}
