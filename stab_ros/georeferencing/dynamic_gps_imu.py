@@ -40,6 +40,7 @@ class DynamicGpsImu:
 
     needs_motion = False
     needs_sensors = True
+    needs_picture = False
 
     def __init__(self, config: GeoreferenceConfig, camera: Camera, sensors: Sensors,
                  first: KnownPose | None = None) -> None:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
-from stab_ros.georeferencing.placement import Sighting
+from stab_ros.georeferencing.placement import NO_PICTURE, Sighting
 from stab_ros.georeferencing.pose_track import PoseTrack
 from stab_ros.georeferencing.sensor_checks import check_motion, check_samples
 from stab_ros.georeferencing.time_offset import TimeOffset, estimate_time_offset
@@ -15,7 +13,6 @@ from stab_ros.imaging.camera import Camera
 _LOOKS_S = (10.0, 30.0, 90.0)  # after the first frame, when all that was gathered is looked at
 _EVERY_S = 0.1  # frames that are gathered; more tell no more
 _SIGMAS, _LEAST_S = 3.0, 0.01  # of a time offset that is told
-_NO_PICTURE = np.zeros((0, 0), np.uint8)
 
 
 @dataclass(eq=False)
@@ -45,7 +42,7 @@ class SensorWatch:
         if self._seen and self._seen[0].reset_counter != sighting.reset_counter:
             self._seen.clear()
         if not self._seen or sighting.stamp_ns - self._seen[-1].stamp_ns >= _EVERY_S * 1e9:
-            self._seen.append(replace(sighting, gray=_NO_PICTURE))
+            self._seen.append(replace(sighting, gray=NO_PICTURE))
         if sighting.stamp_ns - self._seen[0].stamp_ns >= _LOOKS_S[self._looks] * 1e9:
             self._look()
             self._looks += 1

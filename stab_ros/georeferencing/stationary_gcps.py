@@ -21,6 +21,7 @@ class StationaryGcps:
 
     needs_motion = False
     needs_sensors = False
+    needs_picture = False
 
     def __init__(self, found: GcpFit) -> None:
         """found: the fit to the control points."""
@@ -40,6 +41,7 @@ class StationaryPose:
 
     needs_motion = False
     needs_sensors = False
+    needs_picture = False
 
     def __init__(self, camera: Camera, pose: Pose, covariance: FloatArray | None) -> None:
         """covariance: (6, 6), as of `Placement`; None: unknown."""

@@ -254,11 +254,11 @@ def _motion_of(job: Job, work: _Work, camera: Camera | None) -> MotionOf:
 
 def _begun(job: Job, work: _Work, size: tuple[int, int]) -> Work:
     reference_size = size if work.recorded is None or work.image_H_ref is None else work.recorded.reference_size
-    engine = make_georeferencer(job.values, work.camera, reference_size or size, work.image_H_ref)
+    named = camera_of(job.values, reference_size or size)
+    engine = make_georeferencer(job.values, work.camera, reference_size or size, work.image_H_ref, named)
     if work.sensors is not None:
         feed(engine, work.sensors)
-    file, _ = camera_of(job.values, reference_size or size)
-    camera = work.camera if file is None else file.camera
+    camera = work.camera if named[0] is None else named[0].camera
     geotiffs = None if job.geotiff is None else GeoTiffs(
         job.geotiff, job.interval_s, to_crs_of(engine, str(job.values.get("crs", LOCAL))), engine.orthophoto)
     return Work(engine, camera, _motion_of(job, work, camera), geotiffs)

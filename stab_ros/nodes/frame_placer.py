@@ -42,6 +42,14 @@ class KnownCamera:
     reference_size: tuple[int, int] | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class _Made:
+    """An engine, and the camera that took the images, None: of unknown calibration."""
+
+    engine: Georeferencer
+    camera: Camera | None
+
+
 class PlacerCallbacks(Protocol):
     """Who takes the answers."""
 
@@ -123,10 +131,10 @@ class FramePlacer:
         Raises:
             InputError: they make no engine; nothing has changed.
         """
-        engine = None if self.engine is None else self._made(values)
+        made = None if self.engine is None else self._made(values)
         self._values, self.unmade = values, ""
-        if engine is not None:
-            self._use(engine)
+        if made is not None:
+            self._use(made)
 
     # engines ---------------------------------------------------------------------------------------------------------
     def _engine_for(self, told: Told | None) -> Georeferencer:
@@ -144,24 +152,23 @@ class FramePlacer:
             self.unmade = str(error)
             raise
 
-    def _made(self, values: Mapping[str, Value]) -> Georeferencer:
+    def _made(self, values: Mapping[str, Value]) -> _Made:
         known = self._known()
         if self.origin is not None:
             place = (self.origin.latitude_deg, self.origin.longitude_deg, self.origin.height_m)
             values = {**values, "origin": ", ".join(map(repr, place))}
-        if self._stabilized:
-            return make_georeferencer(values, known.camera, known.reference_size or self._size, self._window_H_ref)
-        return make_georeferencer(values, known.camera, self._size)
+        size = (self._stabilized and known.reference_size) or self._size
+        named = camera_of(values, size)
+        engine = make_georeferencer(values, known.camera, size, self._window_H_ref if self._stabilized else None, named)
+        return _Made(engine, known.camera if self._stabilized or named[0] is None else named[0].camera)
 
-    def _use(self, engine: Georeferencer) -> Georeferencer:
+    def _use(self, made: _Made) -> Georeferencer:
         """Goes on with this engine; frames that wait in the one before are placed by what that knows."""
         self.finish()
-        self.engine = engine
-        file = None if self._stabilized else camera_of(self._values, self._size)[0]
-        self.camera = self._known().camera if file is None else file.camera
+        self.engine, self.camera = made.engine, made.camera
         for sample in self._samples:
-            self._feed(engine, sample)
-        return engine
+            self._feed(made.engine, sample)
+        return made.engine
 
     # samples and answers ---------------------------------------------------------------------------------------------
     def _feed(self, engine: Georeferencer, sample: Sample) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
@@ -76,8 +77,11 @@ def make_evaluator(values: Mapping[str, Value]) -> Evaluator:
 _WSE = GEOREFERENCE_PARAMETERS["wse_m"]
 
 
+NamedCamera: TypeAlias = tuple[CameraFile | None, tuple[str, ...]]  # and what is doubtful of it, one line each
+
+
 def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size: tuple[int, int],
-                       image_H_ref: Homography | None = None) -> Georeferencer:
+                       image_H_ref: Homography | None = None, named: NamedCamera | None = None) -> Georeferencer:
     """Makes the engine of georeferencing from parameters.
 
     Args:
@@ -86,6 +90,7 @@ def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size:
         size: width and height of the images as taken, px.
         image_H_ref: (3, 3), for images that are stabilised already: from pixels of the reference to those of the image;
             None: images are as taken.
+        named: the answer of `camera_of`, so that the file is read once; None: it is not read yet.
 
     Returns:
         The engine.
@@ -93,7 +98,7 @@ def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size:
     Raises:
         InputError: a name is unknown, a value or a file is wrong, or the orientation needs what is not given.
     """
-    file, remarks = camera_of(values, size)
+    file, remarks = named or camera_of(values, size)
     given = values.get("wse_m", _WSE.default) != _WSE.default
     if file is not None and file.wse_m is not None and not given:
         values = {**values, "wse_m": file.wse_m}
@@ -111,7 +116,7 @@ def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size:
     return Georeferencer(config, known, orientation, sensors, image_H_ref, points, frame, doubts)
 
 
-def camera_of(values: Mapping[str, Value], size: tuple[int, int]) -> tuple[CameraFile | None, tuple[str, ...]]:
+def camera_of(values: Mapping[str, Value], size: tuple[int, int]) -> NamedCamera:
     """The camera that `camera_file` names, scaled to images of this size, and what is doubtful of it; None: none.
 
     Raises:
