@@ -105,6 +105,11 @@ class Georeferencer:
         return len(self._waiting)
 
     @property
+    def time_offset_s(self) -> float:
+        """Seconds that are added to the stamps of positions and attitudes."""
+        return self._sensors.time_offset_s
+
+    @property
     def wse_m(self) -> float:
         """Water surface elevation of the settings, m."""
         return self._config.wse_m

@@ -87,6 +87,11 @@ class FramePlacer:
         return len(self._pending)
 
     @property
+    def time_offset_s(self) -> float | None:
+        """Seconds that are added to the stamps of positions and attitudes; None: there is no engine yet."""
+        return None if self.engine is None else self.engine.time_offset_s
+
+    @property
     def oldest_ns(self) -> int | None:
         """Stamp of the first frame that waits."""
         return self._pending[0].frame.stamp_ns if self._pending else None
