@@ -28,6 +28,7 @@ class DynamicGcps:
 
     needs_motion = False
     needs_sensors = False
+    needs_picture = True
 
     def __init__(self, config: GeoreferenceConfig, found: GcpFit) -> None:
         """Prepares for a stream.

@@ -17,6 +17,7 @@ class DynamicGcpsStabilization:
 
     needs_motion = True
     needs_sensors = False
+    needs_picture = False
 
     def __init__(self, config: GeoreferenceConfig, found: GcpFit) -> None:
         """found: the fit to the control points of the reference."""

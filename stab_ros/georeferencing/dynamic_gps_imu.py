@@ -43,6 +43,7 @@ class DynamicGpsImu:
 
     needs_motion = False
     needs_sensors = True
+    needs_picture = False
 
     def __init__(self, config: GeoreferenceConfig, camera: Camera, sensors: Sensors,
                  first: KnownPose | None = None) -> None:
@@ -61,12 +62,25 @@ class DynamicGpsImu:
         self._track = PoseTrack(sensors.positions, sensors.attitudes, mounting, limits, False, config.position_sigma_m,
                                 config.attitude_sigma_rad)
         ground_m = config.wse_m + config.ground_above_wse_m
-        self._fusion = Fusion(camera, FusionSettings(ground_m, config.sensor_slow_share))
-        self._watch = SensorWatch(camera, self._track, ground_m)
+        self._fusion_settings = FusionSettings(ground_m, config.sensor_slow_share)
+        self._fusion = Fusion(camera, self._fusion_settings)
+        self._watch = SensorWatch(camera, self._track, ground_m, config.apply_time_offset)
         self._moving = False  # whether a homography has come
 
     def place(self, sighting: Sighting) -> Answer:
         """Places a frame by the samples around it, and by its homography."""
+        answer = self._placed(sighting)
+        self._correct_clock()
+        return answer
+
+    def _correct_clock(self) -> None:
+        """Applies a time offset that was found from the next frame on; the filter begins anew."""
+        correction_s = self._watch.taken_correction_s()
+        if correction_s:
+            self._sensors.shift(correction_s)
+            self._fusion = Fusion(self._camera, self._fusion_settings)
+
+    def _placed(self, sighting: Sighting) -> Answer:
         self._watch.add(sighting)
         prior = self._track.pose_at(sighting.stamp_ns)
         upwards = None if isinstance(prior, Unplaced) else check_view(prior)
@@ -76,6 +90,8 @@ class DynamicGpsImu:
         if isinstance(told, Unplaced):
             return told
         values = self._sensors.staleness_s(sighting.stamp_ns) | self._watch.values
+        if self._config.apply_time_offset:
+            values["time_offset_s"] = self._sensors.time_offset_s
         if isinstance(prior, PosePrior):
             values |= {"position_interval_s": prior.position_interval_s}
         if math.isfinite(told.innovation):

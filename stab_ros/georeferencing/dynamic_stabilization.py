@@ -19,6 +19,7 @@ class DynamicStabilization:
 
     needs_motion = True
     needs_sensors = False
+    needs_picture = False
 
     def __init__(self, config: GeoreferenceConfig, camera: Camera, calibrated: bool) -> None:
         """Prepares for a stream.
@@ -52,7 +53,9 @@ class DynamicStabilization:
         if self._resets is None:
             self._resets = sighting.reset_counter
         if sighting.reset_counter != self._resets:
-            return Unplaced("the stabiliser has taken another reference, whose place is not known")
+            return Unplaced("the stabiliser has taken another reference, whose place in the map is not known; set its "
+                            "scale (gsd_m, known_distance or height_m) for a map that begins with it, or place the "
+                            "recording from there on by itself")
         return placed_by_motion(self._camera, self._calibrated, self._reference, sighting, {}, self._doubts(sighting))
 
     def _doubts(self, sighting: Sighting) -> tuple[str, ...]:

@@ -12,11 +12,11 @@ from stab_ros.core.types import FloatArray, Homography
 from stab_ros.georeferencing.camera_fit import CameraFit, fit_camera, fit_pose
 from stab_ros.georeferencing.control_points import ControlPoints
 from stab_ros.georeferencing.gcp_places import check_inside
-from stab_ros.georeferencing.known_scale import is_feet
 from stab_ros.georeferencing.place_error import factor
 from stab_ros.georeferencing.plane_fit import LEAST_POINTS, PlaneFit, fit_plane
 from stab_ros.georeferencing.point_noise import PointNoise
 from stab_ros.georeferencing.settings import GeoreferenceConfig
+from stab_ros.georeferencing.unit_checks import is_feet
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.pose import Pose
 

@@ -21,7 +21,7 @@ from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.georeferencing.orientation import Answer, Orientation, Unplaced
 from stab_ros.georeferencing.ortho_grid import OrthoGrid
 from stab_ros.georeferencing.orthophoto import Orthophotos
-from stab_ros.georeferencing.placement import Motion, Placement, Sighting
+from stab_ros.georeferencing.placement import NO_PICTURE, Motion, Placement, Sighting
 from stab_ros.georeferencing.samples import AttitudeSample, PositionSample
 from stab_ros.georeferencing.sensors import Sensors
 from stab_ros.georeferencing.settings import GeoreferenceConfig
@@ -100,9 +100,19 @@ class Georeferencer:
         return self._grid
 
     @property
+    def camera(self) -> Camera:
+        """That took the images, as it was given."""
+        return self._camera
+
+    @property
     def waiting(self) -> int:
         """Number of frames that wait for sensors."""
         return len(self._waiting)
+
+    @property
+    def time_offset_s(self) -> float:
+        """Seconds that are added to the stamps of positions and attitudes."""
+        return self._sensors.time_offset_s
 
     @property
     def wse_m(self) -> float:
@@ -229,11 +239,14 @@ class Georeferencer:
     def _placed(self, frame: Frame, motion: Motion | None, wse_m: float) -> Answer:
         if motion is None and (self._orientation.needs_motion or self._image_H_ref is not None):
             return Unplaced("the frame is lost, there is no homography of it")
-        gray, sigma_m = to_gray(frame, self._range_of(frame)), self._config.wse_sigma_m
+        greys = self._range_of(frame)  # of the first frame, even if nobody looks at it yet
+        gray = to_gray(frame, greys) if self._orientation.needs_picture else NO_PICTURE
+        sigma_m = self._config.wse_sigma_m
         if motion is None:
-            return self._orientation.place(Sighting(frame.stamp_ns, gray, wse_m=wse_m, wse_sigma_m=sigma_m))
+            return self._orientation.place(Sighting(frame.stamp_ns, gray, wse_m=wse_m, wse_sigma_m=sigma_m,
+                                                    size=frame.size))
         return self._orientation.place(Sighting(frame.stamp_ns, gray, motion.ref_H_cur, motion.covariance, wse_m,
-                                                sigma_m, motion.reset_counter))
+                                                sigma_m, motion.reset_counter, frame.size))
 
     def _range_of(self, frame: Frame) -> GreyRange:
         if self._range is None:

@@ -10,10 +10,9 @@ import numpy as np
 from stab_ros.core.errors import ConfigError
 from stab_ros.core.types import Homography
 from stab_ros.georeferencing.settings import GeoreferenceConfig, numbers_of
-from stab_ros.georeferencing.unit_checks import FOOT_M
+from stab_ros.georeferencing.unit_checks import is_feet
 from stab_ros.imaging.camera import Camera
 
-_FEET_TOLERANCE = 0.08  # relative
 _DISAGREE = 0.05  # relative difference of two scales that is warned of
 
 
@@ -64,11 +63,6 @@ def contradiction(used: Scale, other: Scale) -> str:
     if is_feet(ratio):
         return f"{said}: one of them is in feet, it must be in metres"
     return f"{said}: one of them is wrong"
-
-
-def is_feet(ratio: float) -> bool:
-    """Whether two lengths differ by that of a foot and a metre."""
-    return abs(abs(math.log(ratio)) - math.log(1 / FOOT_M)) < _FEET_TOLERANCE
 
 
 def nadir_H(camera: Camera, gsd_m: float, yaw_rad: float) -> Homography:

@@ -7,11 +7,9 @@ convergence are taken out, and so is the curvature: 180 m from the origin, the e
 from __future__ import annotations
 
 import functools
-import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 from pyproj import CRS, Transformer
@@ -26,55 +24,6 @@ LOCAL = "local"  # the name of no reference system: coordinates are taken as the
 FARTHEST_M = 100_000.0  # from the origin of the map; what is farther away is taken for an error
 _STEP_M = 50.0  # of the derivative of a projection
 _FORWARD, _INVERSE = TransformDirection.FORWARD, TransformDirection.INVERSE
-
-
-class HeightDatum(Enum):
-    """What heights count from."""
-
-    ELLIPSOID = "ellipsoid"  # of WGS 84, as GNSS measures
-    MSL = "msl"  # mean sea level, as a geoid model approximates it
-    RELATIVE = "relative"  # the place of take-off, as drones write it
-
-
-@dataclass(frozen=True)
-class Heights:
-    """How heights become those above the ellipsoid.
-
-    No geoid model is taken for granted: EGM96 and EGM2008 are grids that pyproj's wheel does not contain.
-
-    Attributes:
-        datum: what the heights count from.
-        offset_m: height of that datum above the ellipsoid: for `MSL` the undulation of the geoid, for `RELATIVE` the
-            height of the place of take-off; None for `ELLIPSOID`.
-
-    Raises:
-        InputError: an offset is missing, or given where there is none.
-    """
-
-    datum: HeightDatum = HeightDatum.ELLIPSOID
-    offset_m: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.datum is HeightDatum.ELLIPSOID:
-            if self.offset_m is not None:
-                raise InputError("heights above the ellipsoid take no offset")
-        elif self.offset_m is None or not math.isfinite(self.offset_m):
-            raise InputError(_MISSING[self.datum])
-
-    def to_ellipsoid(self, height_m: FloatArray) -> FloatArray:
-        """Heights above the ellipsoid of heights above the datum, any shape, m."""
-        return np.asarray(height_m, float) + (self.offset_m or 0.0)
-
-    def from_ellipsoid(self, height_m: FloatArray) -> FloatArray:
-        """Heights above the datum of heights above the ellipsoid, any shape, m."""
-        return np.asarray(height_m, float) - (self.offset_m or 0.0)
-
-
-_MISSING = {
-    HeightDatum.MSL: "heights above mean sea level need the undulation of the geoid at the site (undulation_m, from "
-                     "EGM2008 or the national model); if every height is above mean sea level, take all for ellipsoid",
-    HeightDatum.RELATIVE: "heights above take-off need the height of the place of take-off",
-}
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,9 @@ from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.camera_fit import fit_pose
 from stab_ros.georeferencing.control_points import ControlPoints
-from stab_ros.georeferencing.known_scale import is_feet
 from stab_ros.georeferencing.point_noise import PointNoise
 from stab_ros.georeferencing.settings import GeoreferenceConfig
+from stab_ros.georeferencing.unit_checks import is_feet
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.pose import Pose
 

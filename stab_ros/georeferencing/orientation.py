@@ -24,10 +24,12 @@ class Orientation(Protocol):
     Attributes:
         needs_motion: whether it takes `Sighting.ref_H_cur`.
         needs_sensors: whether it takes positions and attitudes of sensors.
+        needs_picture: whether it looks at `Sighting.gray`.
     """
 
     needs_motion: bool
     needs_sensors: bool
+    needs_picture: bool
 
     def place(self, sighting: Sighting) -> Answer:
         """Places a frame.

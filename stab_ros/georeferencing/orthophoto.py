@@ -12,7 +12,8 @@ from stab_ros.core.geometry import apply, grid, inside, point_jacobian
 from stab_ros.core.types import Homography, Image
 from stab_ros.georeferencing.horizon import with_positive_depth
 from stab_ros.imaging.camera import Camera
-from stab_ros.imaging.lens import RemapTables
+from stab_ros.imaging.lens_maps import QuickTables, RemapTables
+from stab_ros.imaging.resampling import is_resampled, resample_at
 from stab_ros.imaging.warp import INTERPOLATION, Allocate, warp
 
 
@@ -23,7 +24,7 @@ class Orthophotos:
         """interpolation: nearest, linear, cubic or lanczos."""
         self._camera, self._interpolation = camera, interpolation
         self._of: tuple[bytes, tuple[int, int]] | None = None  # homography and size of the tables
-        self._tables: RemapTables | None = None
+        self._tables: RemapTables | QuickTables | None = None
 
     def make(self, image: Image, ortho_H_image: Homography, size: tuple[int, int],
              allocate: Allocate = np.empty) -> Image:
@@ -45,16 +46,21 @@ class Orthophotos:
             image, H = downscaling.picture(image), H @ np.linalg.inv(downscaling.scale)
         if not self._camera.distorts and _in_front(H, size):
             return warp(image, H, size, self._interpolation, None, allocate=allocate)
-        x_px, y_px = self._tables_of(H, size, downscaling)
+        camera = self._camera.downscaled(downscaling) if downscaling.level else self._camera
         result = allocate((size[1], size[0], *image.shape[2:]), image.dtype)
-        cv2.remap(image, x_px, y_px, INTERPOLATION[self._interpolation], result, cv2.BORDER_CONSTANT)
+        nodes = camera.nodes(H, size) if self._interpolation == "linear" and is_resampled(image) else None
+        if nodes is not None and nodes.gentle:
+            resample_at(image, nodes, result)
+            return result
+        where, shares = self._tables_of(camera, H, size)
+        cv2.remap(image, where, shares, INTERPOLATION[self._interpolation], result, cv2.BORDER_CONSTANT)
         return result
 
-    def _tables_of(self, H: Homography, size: tuple[int, int], downscaling: Downscaling) -> RemapTables:
+    def _tables_of(self, camera: Camera, H: Homography, size: tuple[int, int]) -> RemapTables | QuickTables:
         of = (H.tobytes(), size)
         if self._tables is None or self._of != of:
-            camera = self._camera.downscaled(downscaling) if downscaling.level else self._camera
-            self._of, self._tables = of, camera.maps(H, size)
+            maps = camera.maps if self._interpolation == "nearest" else camera.quick_maps
+            self._of, self._tables = of, maps(H, size)
         return self._tables
 
 

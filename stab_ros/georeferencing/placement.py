@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from stab_ros.core.types import FloatArray, Gray, Homography
 from stab_ros.georeferencing.place_error import PlaceError
 from stab_ros.imaging.pose import Pose
+
+NO_PICTURE: Gray = np.zeros((0, 0), np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +35,13 @@ class Sighting:
 
     Attributes:
         stamp_ns: when the image was taken.
-        gray: (h, w) uint8, the image as taken.
+        gray: (h, w) uint8, the image as taken; `NO_PICTURE` for an orientation that does not look at it.
         ref_H_cur: (3, 3), from its undistorted pixels to those of the reference; None: lost, or not stabilised.
         covariance: (8, 8) of h00 .. h21; None: unknown.
         wse_m: water surface elevation in the map.
         wse_sigma_m: its standard deviation.
         reset_counter: how often the reference had been replaced.
+        size: width and height of the image, px.
     """
 
     stamp_ns: int
@@ -46,6 +51,7 @@ class Sighting:
     wse_m: float = 0.0
     wse_sigma_m: float = 0.0
     reset_counter: int = 0
+    size: tuple[int, int] = (0, 0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from stab_ros.georeferencing.placement import Sighting
 from stab_ros.georeferencing.pose_track import PosePrior, PoseTrack
 from stab_ros.georeferencing.samples import AttitudeSample, PositionSample
 from stab_ros.georeferencing.sensor_motion import SensorMotion, explained
+from stab_ros.georeferencing.unit_checks import is_feet
 from stab_ros.imaging.camera import Camera
 
 FASTEST = 40.0  # m/s, of drones
@@ -26,7 +27,6 @@ _LEFT = 0.3  # of what they do not explain, that the right convention leaves
 _MOVES_PX = 3.0  # RMS motion between the frames of a pair from which on it tells anything
 _HEIGHT_SHARE, _HEIGHT_SIGMAS = 0.1, 5.0  # of a height that is said to be wrong
 _HEIGHT_STEP = 1e-3
-_FEET = 0.3048
 
 _ENU_R_NED: FloatArray = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
 _FRD_R_FLU: FloatArray = np.diag([1.0, -1, -1])
@@ -114,10 +114,10 @@ def _check_height(motion: SensorMotion) -> list[str]:
         sigma = float(np.linalg.norm(scores)) / information
     if abs(factor - 1) < max(_HEIGHT_SHARE, _HEIGHT_SIGMAS * sigma * factor):
         return []
-    feet = "; feet are taken for metres" if abs(factor / _FEET - 1) < 0.1 else ""
+    feet = "; feet are taken for metres" if factor < 1 and is_feet(factor) else ""
     return [f"the camera is {given_m:.0f} m above the ground by its sensors, {given_m * factor:.0f} m (sigma "
-            f"{given_m * factor * sigma:.0f} m) by the homographies{feet}; check height_datum, undulation_m, the "
-            "height of take-off and wse_m"]
+            f"{given_m * factor * sigma:.0f} m) by the homographies{feet}; check fix_height_offset_m "
+            "(undulation of the geoid, height of the place of take-off), wse_m and ground_above_wse_m"]
 
 
 def check_view(prior: PosePrior) -> str | None:
@@ -146,17 +146,6 @@ def check_samples(positions: Sequence[PositionSample], attitudes: Sequence[Attit
     if rates and np.median(rates) > _TURNING:
         said.append(f"the attitude turns by {math.degrees(float(np.median(rates))):.0f} degrees per second: are "
                     "degrees taken for radians?")
-    return said
-
-
-def check_fresh(track: PoseTrack, stamp_ns: int) -> list[str]:
-    """Which sensors have told nothing new for longer than they are believed, one line each."""
-    said = []
-    for samples, what in ((track.positions, "position"), (track.attitudes, "attitude")):
-        if not samples:
-            said.append(f"no {what} came yet")
-        elif stamp_ns - samples[-1].stamp_ns > track.limits.gap_s * 1e9:
-            said.append(f"the last {what} is {(stamp_ns - samples[-1].stamp_ns) / 1e9:.1f} s old")
     return said
 
 

@@ -1,12 +1,16 @@
-"""Sensors watched against the homographies over a flight: axes, heights and clocks that are wrong, in words."""
+"""Sensors watched against the homographies over a flight: axes, heights and clocks that are wrong, in words.
+
+What is looked at ends with the first samples after the last frame, so that it is the same live and from a recording.
+"""
 
 from __future__ import annotations
 
+import bisect
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
-from stab_ros.georeferencing.placement import Sighting
+from stab_ros.georeferencing.interpolation import Sample
+from stab_ros.georeferencing.placement import NO_PICTURE, Sighting
 from stab_ros.georeferencing.pose_track import PoseTrack
 from stab_ros.georeferencing.sensor_checks import check_motion, check_samples
 from stab_ros.georeferencing.time_offset import TimeOffset, estimate_time_offset
@@ -15,7 +19,6 @@ from stab_ros.imaging.camera import Camera
 _LOOKS_S = (10.0, 30.0, 90.0)  # after the first frame, when all that was gathered is looked at
 _EVERY_S = 0.1  # frames that are gathered; more tell no more
 _SIGMAS, _LEAST_S = 3.0, 0.01  # of a time offset that is told
-_NO_PICTURE = np.zeros((0, 0), np.uint8)
 
 
 @dataclass(eq=False)
@@ -26,6 +29,7 @@ class SensorWatch:
         camera: of known K.
         track: of the sensors, `time_offset_s` applied.
         plane_m: elevation of the ground that homographies follow.
+        applies: whether a time offset that is found is to be applied.
         warnings: what is wrong, one line each.
         values: figures for the status.
     """
@@ -33,10 +37,12 @@ class SensorWatch:
     camera: Camera
     track: PoseTrack
     plane_m: float
+    applies: bool = False
     warnings: tuple[str, ...] = ()
     values: dict[str, float] = field(default_factory=dict)
     _seen: list[Sighting] = field(default_factory=list)
     _looks: int = 0
+    _correction_s: float = 0.0
 
     def add(self, sighting: Sighting) -> None:
         """Takes the next frame."""
@@ -45,18 +51,38 @@ class SensorWatch:
         if self._seen and self._seen[0].reset_counter != sighting.reset_counter:
             self._seen.clear()
         if not self._seen or sighting.stamp_ns - self._seen[-1].stamp_ns >= _EVERY_S * 1e9:
-            self._seen.append(replace(sighting, gray=_NO_PICTURE))
+            self._seen.append(replace(sighting, gray=NO_PICTURE))
         if sighting.stamp_ns - self._seen[0].stamp_ns >= _LOOKS_S[self._looks] * 1e9:
-            self._look()
+            self._look(sighting.stamp_ns)
             self._looks += 1
 
-    def _look(self) -> None:
-        offset = estimate_time_offset(self.camera, self.track, self._seen, self.plane_m)
-        said = [*check_samples(self.track.positions, self.track.attitudes),
-                *check_motion(self.camera, self.track, self._seen, self.plane_m)]
+    def taken_correction_s(self) -> float:
+        """The time offset to be applied now, which is told once; 0: none."""
+        correction_s, self._correction_s = self._correction_s, 0.0
+        return correction_s
+
+    def _look(self, stamp_ns: int) -> None:
+        track = replace(self.track, positions=_until(self.track.positions, stamp_ns),
+                        attitudes=_until(self.track.attitudes, stamp_ns))
+        offset = estimate_time_offset(self.camera, track, self._seen, self.plane_m)
+        said = [*check_samples(track.positions, track.attitudes),
+                *check_motion(self.camera, track, self._seen, self.plane_m)]
         if isinstance(offset, TimeOffset):
-            self.values = {"time_offset_left_s": offset.offset_s, "time_offset_sigma_s": offset.sigma_s}
-            if abs(offset.offset_s) > max(_LEAST_S, _SIGMAS * offset.sigma_s):
-                said.append(f"the clock of the sensors is off: add {offset.offset_s:.3f} +- {offset.sigma_s:.3f} s to "
-                            "time_offset_s")
+            said += self._judged(offset, stamp_ns)
         self.warnings = tuple(said)
+
+    def _judged(self, offset: TimeOffset, stamp_ns: int) -> list[str]:
+        """What is to be said of an offset, and done."""
+        self.values = {"time_offset_left_s": offset.offset_s, "time_offset_sigma_s": offset.sigma_s}
+        if abs(offset.offset_s) < max(_LEAST_S, _SIGMAS * offset.sigma_s):
+            return []
+        off = f"{offset.offset_s:.3f} +- {offset.sigma_s:.3f} s"
+        if not self.applies:
+            return [f"the clock of the sensors is off: add {off} to time_offset_s, or set apply_time_offset"]
+        self._correction_s = offset.offset_s
+        return [f"the clock of the sensors was off: {off} are added to time_offset_s after stamp {stamp_ns} ns"]
+
+
+def _until(samples: Sequence[Sample], stamp_ns: int) -> Sequence[Sample]:
+    """The samples up to the first one at this stamp or after it."""
+    return samples[: bisect.bisect_left(samples, stamp_ns, key=lambda sample: sample.stamp_ns) + 1]

@@ -10,7 +10,8 @@ from stab_ros.georeferencing.interpolation import Sample
 from stab_ros.georeferencing.pose_track import repeats
 from stab_ros.georeferencing.samples import AttitudeSample, PositionSample
 
-_KEPT_NS = 180_000_000_000  # before the last frame; checks look back 90 s
+_SECOND_NS = 1_000_000_000  # of a second
+_KEPT_NS = 180 * _SECOND_NS  # before the last frame; checks look back 90 s
 
 
 class Sensors:
@@ -18,9 +19,21 @@ class Sensors:
 
     def __init__(self, time_offset_s: float) -> None:
         """time_offset_s: seconds to add to the stamps of samples to get those of the frames."""
-        self._offset_ns = round(time_offset_s * 1e9)
+        self._offset_ns = round(time_offset_s * _SECOND_NS)
         self.positions: list[PositionSample] = []
         self.attitudes: list[AttitudeSample] = []
+
+    @property
+    def time_offset_s(self) -> float:
+        """Seconds that are added to the stamps of samples."""
+        return self._offset_ns / _SECOND_NS
+
+    def shift(self, more_s: float) -> None:
+        """Adds to the time offset, also of the samples that have come."""
+        more_ns = round(more_s * _SECOND_NS)
+        self._offset_ns += more_ns
+        self.positions[:] = [replace(one, stamp_ns=one.stamp_ns + more_ns) for one in self.positions]
+        self.attitudes[:] = [replace(one, stamp_ns=one.stamp_ns + more_ns) for one in self.attitudes]
 
     def add_position(self, sample: PositionSample) -> None:
         """Takes a position, on the clock of the sensor; a second one of the same stamp is left out."""
@@ -47,7 +60,7 @@ class Sensors:
         """Seconds from a stamp to the nearest sample of each sensor, by names for the status."""
         named: tuple[tuple[str, Sequence[PositionSample | AttitudeSample]], ...] = (
             ("position_age_s", self.positions), ("attitude_age_s", self.attitudes))
-        return {name: _away_ns(samples, stamp_ns) / 1e9 for name, samples in named if samples}
+        return {name: _away_ns(samples, stamp_ns) / _SECOND_NS for name, samples in named if samples}
 
 
 def _insert(samples: list[Sample], at: int, sample: Sample) -> None:

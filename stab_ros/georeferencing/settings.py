@@ -62,6 +62,9 @@ class GeoreferenceConfig(Checked):
     interpolation: str = setting("linear", "Interpolation of the orthophoto", choices=tuple(INTERPOLATION))
     time_offset_s: float = setting(
         0.0, "Seconds to add to the stamps of positions and attitudes to get those of the frames", -3600.0, 3600.0)
+    apply_time_offset: bool = setting(
+        False, "Whether the time offset that dynamic_gps_imu estimates, from motion that sensors and homographies both "
+        "feel, is added to time_offset_s, 10 s after the first frame and again after 30 and 90 s; else it is only told")
     lever_arm_m: str = setting(
         "0, 0, 0", "Place of the antenna as seen from the camera, 'forward, left, up' in metres in the axes of the "
         "body whose attitude is measured")

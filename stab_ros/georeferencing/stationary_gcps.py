@@ -22,6 +22,7 @@ class StationaryGcps:
 
     needs_motion = False
     needs_sensors = False
+    needs_picture = False
 
     def __init__(self, found: GcpFit) -> None:
         """found: the fit to the control points."""
@@ -41,6 +42,7 @@ class StationaryPose:
 
     needs_motion = False
     needs_sensors = False
+    needs_picture = False
 
     def __init__(self, camera: Camera, pose: Pose, covariance: FloatArray | None) -> None:
         """covariance: (6, 6), as of `Placement`; None: unknown."""

@@ -28,6 +28,7 @@ class StationaryNadir:
 
     needs_motion = False
     needs_sensors = False
+    needs_picture = False
 
     def __init__(self, config: GeoreferenceConfig, camera: Camera, gcps: ControlPoints | None) -> None:
         """Prepares for a stream.

@@ -17,8 +17,7 @@ def with_movement(answer: Answer, sighting: Sighting) -> Answer:
     """The answer, with a warning where the homography of the frame tells that the camera has moved."""
     if not isinstance(answer, Placement) or sighting.ref_H_cur is None:
         return answer
-    height, width = sighting.gray.shape
-    moved_px = rms_distance(sighting.ref_H_cur, np.eye(3), (width, height))
+    moved_px = rms_distance(sighting.ref_H_cur, np.eye(3), sighting.size)
     if moved_px < _MOST_PX:
         return answer
     doubt = "the camera is not still, its homographies tell of motion; choose an orientation of a moving camera"

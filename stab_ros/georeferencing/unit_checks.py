@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from stab_ros.core.errors import InputError
@@ -10,7 +12,12 @@ from stab_ros.georeferencing.control_points import ControlPoints
 
 FOOT_M = 0.3048
 _DIFFERS = 0.05  # relative difference that is doubted
-_LIKE_FEET = 0.08  # of the ratio from that of foot and metre
+_LIKE_FEET = 0.08  # relative difference of a ratio from that of foot and metre
+
+
+def is_feet(ratio: float) -> bool:
+    """Whether two lengths of this ratio differ by that of a foot and a metre, or a metre and a foot."""
+    return abs(abs(math.log(ratio)) - math.log(1 / FOOT_M)) < math.log(1 + _LIKE_FEET)
 
 
 def length_doubt(what: str, fitted_m: float, given_m: float) -> str | None:
@@ -25,9 +32,9 @@ def length_doubt(what: str, fitted_m: float, given_m: float) -> str | None:
     if abs(ratio - 1) < _DIFFERS:
         return None
     said = f"{what} is {fitted_m:.4g} m by the control points and {given_m:.4g} m as given"
-    for scale, which in ((1 / FOOT_M, "control points"), (FOOT_M, "given lengths")):
-        if abs(ratio / scale - 1) < _LIKE_FEET:
-            return f"{said}: the {which} seem to be in feet, they must be in metres (scale off by 3.28)"
+    if is_feet(ratio):
+        which = "control points" if ratio > 1 else "given lengths"
+        return f"{said}: the {which} seem to be in feet, they must be in metres (scale off by 3.28)"
     return f"{said}: one of both is wrong"
 
 

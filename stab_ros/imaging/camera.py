@@ -11,8 +11,10 @@ import numpy as np
 from stab_ros.core.downscale import Downscaling
 from stab_ros.core.errors import InputError
 from stab_ros.core.types import BoolArray, FloatArray, Homography, Image
-from stab_ros.imaging.lens import Lens, RemapTables, lens_maps, make_lens
+from stab_ros.imaging.lens import Lens, make_lens
+from stab_ros.imaging.lens_maps import MOST_PX, QuickTables, RemapTables, lens_maps, quick_lens_maps
 from stab_ros.imaging.lens_points import seen_rays, undistorted_rays
+from stab_ros.imaging.resampling import NODE_PX, Nodes
 
 # valid numbers of distortion coefficients of each model (sensor_msgs/distortion_models.hpp)
 COEFFICIENTS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8, 12, 14), "equidistant": (4,)}
@@ -175,6 +177,25 @@ class Camera:
         rotation = np.linalg.inv(self.K) @ ref_H_cur @ self.K
         x, y = cv2.initUndistortRectifyMap(self.K, self.D, rotation, self.K, size, cv2.CV_32FC1)
         return np.asarray(x), np.asarray(y)
+
+    def nodes(self, ref_H_cur: Homography, size: tuple[int, int]) -> Nodes:
+        """`maps` at every 32nd pixel of each row, for `resample_at`."""
+        ray_M_pixel = np.linalg.inv(ref_H_cur @ self.K)
+        return Nodes(*lens_maps(self._lens, ray_M_pixel @ np.diag([NODE_PX, 1, 1]), (Nodes.columns(size[0]), size[1])))
+
+    def quick_maps(self, ref_H_cur: Homography, size: tuple[int, int]) -> RemapTables | QuickTables:
+        """As `maps`, in a fraction of the time and within 0.02 px along each axis; not for the nearest neighbour.
+
+        Args:
+            ref_H_cur: as for `maps`.
+            size: as for `maps`.
+
+        Returns:
+            Two tables for cv2.remap; those of `maps` for pictures of more than 32000 px a side.
+        """
+        if max(self.size) > MOST_PX:
+            return self.maps(ref_H_cur, size)
+        return quick_lens_maps(self._lens, np.linalg.inv(ref_H_cur @ self.K), size)
 
 
 def _resampled(image: Image, maps: RemapTables, interpolation: int) -> Image:

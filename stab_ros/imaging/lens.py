@@ -7,20 +7,16 @@ thin-prism and tilt terms. The radial scale is tabulated once per camera, so tha
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
-from stab_ros.core.kernels import F32, F64, filled, kernel, read
 from stab_ros.core.types import FloatArray, Homography
-
-RemapTables: TypeAlias = tuple[FloatArray, FloatArray]  # x and y, (h, w) float32, for cv2.remap
 
 _MAX_RADIUS = 10.0  # distance from the optical axis, in focal lengths: 84 degrees
 _REACH_SAMPLES = 20_000
 _TABLE_SIZE = 16_384  # linear between them: below 0.001 px
 _OUTSIDE_FACTOR = 1.5  # of the farthest corner's radius; the small terms do not move such points into the image
-_INVALID_PX = np.float32(-1e6)  # outside every image
 
 
 class Lens(NamedTuple):
@@ -111,41 +107,3 @@ def tilt(x_rad: float, y_rad: float) -> FloatArray:
     turned = about_y @ about_x
     return np.asarray(np.array([[turned[2, 2], 0, -turned[0, 2]], [0, turned[2, 2], -turned[1, 2]], [0, 0, 1]])
                       @ turned)
-
-
-def lens_maps(lens: Lens, ray_M_pixel: Homography, size: tuple[int, int]) -> RemapTables:
-    """Positions in the distorted image of each pixel of a result; far outside the image where there is none.
-
-    Args:
-        lens: tabulated model.
-        ray_M_pixel: (3, 3), from pixels of the result to rays of the camera.
-        size: width and height of the result, px.
-    """
-    x_px, y_px = np.empty((size[1], size[0]), np.float32), np.empty((size[1], size[0]), np.float32)
-    _fill_maps(lens.scale, lens.reach2, lens.small_terms, lens.pixel_M_seen, ray_M_pixel, x_px, y_px)
-    return x_px, y_px
-
-
-@kernel((read(F64, 1), F64, read(F64, 1), read(F64, 2), read(F64, 2), filled(F32, 2), filled(F32, 2)), fastmath=True)
-def _fill_maps(scale: FloatArray, reach2: float, small_terms: FloatArray, M: FloatArray, A: Homography,
-               x_px: FloatArray, y_px: FloatArray) -> None:
-    """Fills the maps. scale, reach2, small_terms, M: of the lens. A: from pixels of the result to rays."""
-    p1, p2, s1, s2, s3, s4 = small_terms
-    entries = (len(scale) - 1) / reach2
-    for row in range(len(x_px)):
-        for column in range(x_px.shape[1]):
-            depth = A[2, 0] * column + A[2, 1] * row + A[2, 2]
-            k = 1 / max(depth, 1e-9)
-            u = (A[0, 0] * column + A[0, 1] * row + A[0, 2]) * k
-            v = (A[1, 0] * column + A[1, 1] * row + A[1, 2]) * k
-            r2 = u * u + v * v
-            seen = (depth > 1e-9) & (r2 < reach2)
-            at = r2 * entries if seen else 0.0
-            entry = int(at)
-            radial = scale[entry] + (at - entry) * (scale[entry + 1] - scale[entry])
-            uv = 2 * u * v
-            x = u * radial + p1 * uv + p2 * (r2 + 2 * u * u) + r2 * (s1 + s2 * r2)
-            y = v * radial + p2 * uv + p1 * (r2 + 2 * v * v) + r2 * (s3 + s4 * r2)
-            w = 1 / (M[2, 0] * x + M[2, 1] * y + M[2, 2])
-            x_px[row, column] = (M[0, 0] * x + M[0, 1] * y + M[0, 2]) * w if seen else _INVALID_PX
-            y_px[row, column] = (M[1, 0] * x + M[1, 1] * y + M[1, 2]) * w if seen else _INVALID_PX

@@ -8,7 +8,7 @@ from stab_ros.core.kernels import F32, F64, I64, filled, kernel, read
 from stab_ros.core.row_shifts import RowShifts
 from stab_ros.core.threads import in_parallel
 from stab_ros.core.types import FloatArray, Homography
-from stab_ros.imaging.lens import RemapTables
+from stab_ros.imaging.lens_maps import RemapTables
 
 _STEP_PX = 0.25  # of the table of displacements, linear between: below 0.001 px
 _OUTSIDE_PX = np.float32(-1e6)

@@ -28,7 +28,7 @@ from stab_ros.jobs.motions import (
 )
 from stab_ros.jobs.pipeline import PictureTracker
 from stab_ros.jobs.sensor_feed import feed
-from stab_ros.parameters.engines import camera_of, make_stabilizer
+from stab_ros.parameters.engines import make_stabilizer
 from stab_ros.parameters.table import georeference_config
 
 # the engine for a camera, width and height of images as taken, and image_H_ref, as `make_georeferencer` takes them
@@ -97,8 +97,7 @@ class Recording:
         engine = make_engine(self.camera, reference_size, self.image_H_ref)
         if self.sensors is not None:
             feed(engine, self.sensors)
-        file, _ = camera_of(self.job.values, reference_size)
-        camera = self.camera if file is None else file.camera
+        camera = engine.camera if self.job.values.get("camera_file") else self.camera
         tracker = self._tracker(camera)
         if self.recorded is not None:
             return Placing(engine, camera, self.recorded.of, self.recorded.reference_size or size, self.image_H_ref,

@@ -22,7 +22,7 @@ from stab_ros.io.topics import FIX_TOPIC
 from stab_ros.jobs.sensor_feed import Sample, tell
 from stab_ros.nodes.failures import Failures
 from stab_ros.nodes.motion_input import Told
-from stab_ros.parameters.engines import camera_of, make_georeferencer
+from stab_ros.parameters.engines import make_georeferencer
 
 # the engine of parameters, camera, width and height of images as taken, and `image_H_ref`
 MakeEngine: TypeAlias = Callable[
@@ -106,6 +106,11 @@ class FramePlacer:
         return len(self._pending)
 
     @property
+    def time_offset_s(self) -> float | None:
+        """Seconds that are added to the stamps of positions and attitudes; None: there is no engine yet."""
+        return None if self.engine is None else self.engine.time_offset_s
+
+    @property
     def oldest_ns(self) -> int | None:
         """Stamp of the first frame that waits."""
         return self._pending[0].frame.stamp_ns if self._pending else None
@@ -151,10 +156,10 @@ class FramePlacer:
         Raises:
             InputError: they make no engine; nothing has changed.
         """
-        engine = None if self.engine is None else self._made(values)
+        made = None if self.engine is None else self._made(values)
         self._values, self.unmade = values, ""
-        if engine is not None:
-            self._use(engine)
+        if made is not None:
+            self._use(made)
 
     # engines ---------------------------------------------------------------------------------------------------------
     def _engine_for(self, told: Told | None) -> Georeferencer:
@@ -185,8 +190,8 @@ class FramePlacer:
         """Goes on with this engine; frames that wait in the one before are placed by what that knows."""
         self.finish()
         self.engine = engine
-        file = None if self._stabilized else camera_of(self._values, self._size)[0]
-        self.camera = self._known().camera if file is None else file.camera
+        named = self._values.get("camera_file") and not self._stabilized
+        self.camera = engine.camera if named else self._known().camera
         for sample in self._samples:
             self._feed(engine, sample)
         return engine

@@ -24,6 +24,7 @@ from stab_ros.nodes.stamp_pairing import Pair, StampPairing
 
 _FIX = "let it offer RELIABLE or BEST_EFFORT, VOLATILE or TRANSIENT_LOCAL"
 _WAITING = 1000  # homographies whose track has not come
+_LOOKS = 2  # by which the publishers of both topics are found; a track tells what image_stabilized shows
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +48,7 @@ class MotionInput:
         self.reference_size: tuple[int, int] | None = None
         self.camera: Camera | None = None
         self._take, self._refused = take, refused
+        self._alone = 0  # looks in a row at which homographies had come, and nobody published tracks
         self._pairing: StampPairing[Homography | None, TrackValues] = StampPairing(_WAITING)
         self._track = AdaptiveSubscription(node, DiagnosticArray, topic_in(TRACKER_NAME, TRACK_TOPIC), self._on_track,
                                            keep_all_offered, _FIX)
@@ -64,6 +66,9 @@ class MotionInput:
         """Follows the publishers' QoS."""
         self._homography.refresh()
         self._track.refresh()
+        self._alone = 0 if self._track.publishers else self._alone + (self.received > 0)
+        if self._alone >= _LOOKS:
+            self.flush()
 
     def flush(self) -> None:
         """Passes on the homographies that wait for their track: it will not come."""
@@ -78,7 +83,7 @@ class MotionInput:
             self._refused(f"{self.topic}: {error}")
             return
         pairs = self._pairing.ask(stamp_ns, ref_H_cur)
-        self._pass_on(pairs if self._track.publishers else [*pairs, *self._pairing.flush()])
+        self._pass_on(pairs if self._alone < _LOOKS else [*pairs, *self._pairing.flush()])
 
     def _learn(self, cdr: bytes, ref_H_cur: Homography | None) -> None:
         """Size and calibration, from the first homography that has them; those of other programs may lack them."""

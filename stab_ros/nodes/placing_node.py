@@ -229,7 +229,9 @@ class PlacingNode(StabNode):
         self.warn(f"doubt {topic}", f"{topic}: {text}")
 
     def _on_sample(self, topic: str, sample: Sample) -> None:
-        offset_ns = 0 if isinstance(sample, WaterLevel) else round(self._config.time_offset_s * SECOND_NS)
+        applied_s = self.placer.time_offset_s
+        offset_s = self._config.time_offset_s if applied_s is None else applied_s
+        offset_ns = 0 if isinstance(sample, WaterLevel) else round(offset_s * SECOND_NS)
         self.status.on_sample(topic, sample.stamp_ns + offset_ns)
         self._heard(topic)
         self.placer.add(sample)

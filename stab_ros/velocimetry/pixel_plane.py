@@ -21,6 +21,7 @@ class PixelPlane:
 
     needs_motion = True
     needs_sensors = False
+    needs_picture = False
 
     def place(self, sighting: Sighting) -> Answer:
         """The homography, y up."""

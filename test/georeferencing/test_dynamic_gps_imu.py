@@ -52,12 +52,13 @@ def _samples(model: SensorModel, seed: int = 0) -> SensorSamples:
     return measured(_pose_at, FRAMES * STEP_NS / 1e9, replace(model, lever_arm_m=LEVER), seed)
 
 
-def _told(engine: Georeferencer, samples: SensorSamples, until_ns: float = math.inf) -> None:
+def _told(engine: Georeferencer, samples: SensorSamples, until_ns: float = math.inf,
+          from_ns: float = -math.inf) -> None:
     for stamp_ns, place in zip(samples.position_stamp_ns.tolist(), samples.position_m, strict=True):
-        if stamp_ns < until_ns:
+        if from_ns <= stamp_ns < until_ns:
             engine.add_position(PositionSample(stamp_ns, place, samples.position_covariance_m2))
     for stamp_ns, q in zip(samples.attitude_stamp_ns.tolist(), samples.map_q_body, strict=True):
-        if stamp_ns < until_ns:
+        if from_ns <= stamp_ns < until_ns:
             engine.add_attitude(AttitudeSample(stamp_ns, q, samples.attitude_covariance_rad2))
 
 
@@ -197,6 +198,36 @@ def test_a_delay_that_is_left_is_told_with_its_sigma() -> None:
     assert answer is not None
     assert answer.values["time_offset_left_s"] == pytest.approx(-0.15, abs=0.02)
     assert any("the clock of the sensors is off: add -0.1" in doubt for doubt in answer.warnings)
+
+
+def test_a_delay_that_is_found_is_applied_where_that_is_wanted() -> None:
+    """Live, in which samples come as time goes on, it is the same to the last digit."""
+    config, samples = replace(CONFIG, apply_time_offset=True), measured(
+        _pose_at, 13.1, replace(PPK, lever_arm_m=LEVER, delay_s=0.15), 4)
+    at_once, live, told = _engine(config), _engine(config), 0.0
+    _told(at_once, samples)
+    recorded = [at_once.frame(_frame(number), _motion(number)) for number in range(126)]
+    streamed = []
+    for number in range(126):
+        stamp_ns = FIRST_NS + number * STEP_NS
+        _told(live, samples, stamp_ns + 0.3e9, told)
+        told = stamp_ns + 0.3e9
+        live.add_frame(_frame(number), _motion(number))
+        streamed += live.answers()
+    before, after = ([np.sqrt(np.mean(_errors_m(recorded[number], number) ** 2)) for number in range(first, first + 24)]
+                     for first in (76, 102))
+    assert np.mean(before) > 0.15
+    assert np.mean(after) < 0.1
+    assert live.time_offset_s == at_once.time_offset_s
+    assert live.time_offset_s == pytest.approx(-0.15, abs=0.02)
+    assert len(streamed) == 126
+    for one, other in zip(recorded, streamed, strict=True):
+        assert one.placement is not None
+        assert other.placement is not None
+        assert (one.placement.map_H_image == other.placement.map_H_image).all()
+        assert one.placement.warnings == other.placement.warnings
+    assert recorded[-1].placement is not None
+    assert "are added to time_offset_s after stamp 11000000000 ns" in recorded[-1].placement.warnings[0]
 
 
 def test_an_attitude_in_other_axes_is_named() -> None:

@@ -11,7 +11,7 @@ from pyproj import Geod
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.types import FloatArray
-from stab_ros.georeferencing.local_frame import HeightDatum, Heights, LocalFrame, crs_doubt
+from stab_ros.georeferencing.local_frame import LocalFrame, crs_doubt
 
 COQUET = LocalFrame(55.335, -1.892, 110.0)
 PLACES: FloatArray = np.array([[0.0, 0, 0], [90, -35, 46], [-1800, 2500, -3]])
@@ -77,21 +77,12 @@ def test_origin_in_a_reference_system() -> None:
     (lambda: COQUET.from_crs(4978, PLACES), "not a projected or geographic system"),
     (lambda: COQUET.from_crs(32630, np.full((1, 3), 1e40)), "out of the range"),
     (lambda: LocalFrame.at("local", np.zeros(3)), "need an EPSG code"),
-    (lambda: Heights(HeightDatum.MSL), "need the undulation of the geoid"),
-    (lambda: Heights(HeightDatum.RELATIVE), "height of the place of take-off"),
-    (lambda: Heights(HeightDatum.ELLIPSOID, 47.0), "take no offset"),
 ])
 def test_what_is_refused(call: object, said: str) -> None:
     assert callable(call)
     with pytest.raises(InputError, match=re.escape(said)) as raised:
         call()
     assert "\n" not in str(raised.value)
-
-
-def test_height_data() -> None:
-    assert Heights().to_ellipsoid(np.array([3.0])) == 3
-    assert Heights(HeightDatum.MSL, 51.2).to_ellipsoid(np.array([60.0])) == pytest.approx(111.2)
-    assert Heights(HeightDatum.RELATIVE, 111.0).from_ellipsoid(np.array([157.0])) == pytest.approx(46)
 
 
 def test_missing_grid_is_said() -> None:

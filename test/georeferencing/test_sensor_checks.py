@@ -9,15 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reach import CAMERA, SIZE, Reach, along_reach
+from reach import CAMERA, Reach, along_reach
 from scipy.spatial.transform import Rotation
 
-from stab_ros.core.geometry import apply, normalized, shift
 from stab_ros.core.types import FloatArray
-from stab_ros.georeferencing.orientation import Unplaced
 from stab_ros.georeferencing.pose_track import PosePrior, PoseTrack
-from stab_ros.georeferencing.predicted_registration import PredictedRegistration, agreement, predict_registration
-from stab_ros.georeferencing.sensor_checks import check_fresh, check_motion, check_samples, check_view
+from stab_ros.georeferencing.sensor_checks import check_motion, check_samples, check_view
 from stab_ros.imaging.pose import Pose, quaternion_of, rotation_of_quaternion
 from stab_ros.synthetic.sensors import CONSUMER, PPK, SensorModel
 
@@ -99,13 +96,6 @@ def test_samples_tell_of_themselves() -> None:
     assert "are degrees taken for radians?" in check_samples([], wilder.attitudes)[0]
 
 
-def test_stale_sensors_are_told() -> None:
-    track = oblique().track
-    assert check_fresh(track, track.positions[-1].stamp_ns) == []
-    said = check_fresh(replace(track, attitudes=[]), track.positions[-1].stamp_ns + 5 * 10**9)
-    assert said == ["the last position is 5.0 s old", "no attitude came yet"]
-
-
 def test_a_camera_that_looks_up_is_told() -> None:
     def prior(pitch: float) -> PosePrior:
         return PosePrior(0, Pose.of_angles(np.zeros(3), 0.0, pitch, 0.0), None, np.eye(3))
@@ -116,37 +106,3 @@ def test_a_camera_that_looks_up_is_told() -> None:
     assert "looks upwards (pitch -86 degrees)" in upwards
     assert level is not None
     assert "looks level" in level
-
-
-def predicted(flight: Reach, k: int) -> PredictedRegistration:
-    priors = [flight.track.pose_at(flight.stamp_ns(j)) for j in (0, k)]
-    assert not isinstance(priors[0], Unplaced)
-    assert not isinstance(priors[1], Unplaced)
-    found = predict_registration(CAMERA, priors[0], priors[1], 0.0)
-    assert isinstance(found, PredictedRegistration)
-    return found
-
-
-def test_registrations_are_predicted_within_their_covariance() -> None:
-    """Squared Mahalanobis distance of true homographies, 8 on average, over 40 flights; a shift of 30 px stands out."""
-    distances, k = [], 10
-    for seed in range(40):
-        flight = replace(Reach(along_reach(), duration_s=2, fps=5), seed=seed)
-        exact = normalized(flight.view(0).image_H_map(0.0) @ np.linalg.inv(flight.view(k).image_H_map(0.0)))
-        guess = predicted(flight, k)
-        distances.append(agreement(guess, exact, np.zeros((8, 8)), SIZE).squared_distance)
-    assert np.mean(distances) == pytest.approx(8, abs=2.0)
-    wrong = agreement(guess, normalized(shift(30, 0) @ exact), np.zeros((8, 8)), SIZE)
-    assert wrong.probability < 1e-6
-    assert wrong.off_px == pytest.approx(30, abs=5)
-    middle = np.array([[SIZE[0] / 2, SIZE[1] / 2]])
-    assert guess.sigma_px(middle)[0] < 5
-    assert np.linalg.norm(apply(guess.ref_H_cur, middle) - apply(exact, middle)) < 4 * guess.sigma_px(middle)[0]
-
-
-def test_what_cannot_be_predicted_is_said() -> None:
-    sure = PosePrior(0, Pose.of_angles(np.array([0, 0, 46.0]), 0, 1.5, 0), np.eye(6), np.eye(3))
-    assert isinstance(predict_registration(CAMERA, sure, replace(sure, covariance=None), 0.0), Unplaced)
-    below = predict_registration(CAMERA, sure, sure, 50.0)
-    assert isinstance(below, Unplaced)
-    assert "not below the camera" in below.reason

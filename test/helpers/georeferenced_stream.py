@@ -17,6 +17,7 @@ from stab_ros.core.types import FloatArray, Frame, LostReason, State, Track
 from stab_ros.georeferencing.georeferencer import Georeferencer
 from stab_ros.georeferencing.placement import Motion
 from stab_ros.imaging.camera import Camera
+from stab_ros.imaging.window import Window
 from stab_ros.io.cdr import Header
 from stab_ros.io.homography_message import homography_cdr
 from stab_ros.io.track_message import track_cdr
@@ -25,6 +26,7 @@ from stab_ros.parameters.engines import make_georeferencer
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 SIZE = (400, 300)
 STEP_NS = 40_000_000
+WHOLE = Window()
 K = np.array([[380.0, 0, 201], [0, 380, 148], [0, 0, 1]])
 CAMERA = Camera(K, np.array([-0.1, 0.01, 0, 0, 0]), "plumb_bob", SIZE)
 NODE = "/cam/georeference_node"
@@ -81,8 +83,8 @@ class GeoreferencedStream:
         self._homographies = self.graph.speak(CameraInfo, "/cam/homography")
         self._tracks = self.graph.speak(DiagnosticArray, "/cam/tracker_node/track") if track else None
 
-    def tell(self, stamp_ns: int, told: Motion | None) -> None:
-        """The homography of a frame, and its track."""
+    def tell(self, stamp_ns: int, told: Motion | None, window: Window = WHOLE) -> None:
+        """The homography of a frame, and its track. window: that image_stabilized shows."""
         if self._homographies is None:
             self.start_tracker()
         values = Track(State.LOST, 0, stamp_ns, 0, 0, lost_reason=LostReason.NO_TEXTURE) if told is None else Track(
@@ -90,7 +92,7 @@ class GeoreferencedStream:
         header = Header(stamp_ns, "cam")
         self._homographies.publish(homography_cdr(values, header, SIZE, self._tracked))
         if self._tracks is not None:
-            self._tracks.publish(track_cdr(values, header))
+            self._tracks.publish(track_cdr(values, header, window))
 
     def until_answered(self, count: int) -> list[dict[str, str]]:
         """The status of each frame."""

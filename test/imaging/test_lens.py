@@ -22,7 +22,9 @@ from truth import (
 from stab_ros.core.errors import InputError
 from stab_ros.core.types import FloatArray, Gray, Homography
 from stab_ros.imaging.camera import Camera
-from stab_ros.imaging.lens import lens_maps, make_lens
+from stab_ros.imaging.lens import make_lens
+from stab_ros.imaging.lens_maps import lens_maps
+from stab_ros.imaging.resampling import Nodes, resample_at
 from stab_ros.imaging.warp import INTERPOLATION
 from stab_ros.methods import METHODS
 from stab_ros.parameters.engines import make_stabilizer
@@ -261,3 +263,40 @@ def test_image_proc_makes_the_same_picture_of_our_camera_info(camera: Camera | N
     difference = np.abs(rectified[INNER].astype(int) - done.image[INNER].astype(int))
     assert (difference <= 1).mean() >= 0.95
     assert difference.max() <= 8
+
+
+OBLIQUE = np.linalg.inv(np.array([[2.2, 0.4, -300], [0.1, 3.0, -200], [0.0002, 0.004, 0.3]]))
+
+
+@pytest.mark.parametrize("lens", LENSES.values(), ids=list(LENSES))
+@pytest.mark.parametrize("H", [similarity(4.0, 1.02, 9.0, -7.0), similarity(130.0, 0.7, 9.0, 8.0), OBLIQUE],
+                         ids=["hover", "turned", "oblique"])
+def test_quick_maps_are_the_exact_ones_within_a_fiftieth_of_a_pixel(lens: Camera, H: Homography) -> None:
+    whole, shares = lens.quick_maps(H, (431, 300))
+    x, y = lens.maps(H, (431, 300))
+    seen = (x > -2) & (x < SIZE[0] + 1) & (y > -2) & (y < SIZE[1] + 1)
+    assert seen.mean() > 0.1
+    assert np.abs(whole[..., 0] + shares % 32 / 32 - x)[seen].max() < 0.02
+    assert np.abs(whole[..., 1] + shares // 32 / 32 - y)[seen].max() < 0.02
+    outside = ((whole[..., 0] < -1) | (whole[..., 0] >= SIZE[0]) | (whole[..., 1] < -1) | (whole[..., 1] >= SIZE[1]))
+    assert outside[~seen].all()
+
+
+@pytest.mark.parametrize("channels", [(), (3,)])
+def test_pictures_are_resampled_at_nodes_as_by_exact_maps(channels: tuple[int, ...]) -> None:
+    """Also at the border, and where the last block of a row is not whole."""
+    lens, H, size = LENS, translation(-7.3, 4.6), (431, 310)
+    image = np.random.default_rng(4).integers(0, 65535, (SIZE[1], SIZE[0], *channels)).astype(np.uint16)
+    nodes, out = lens.nodes(H, size), np.empty((size[1], size[0], *channels), np.uint16)
+    resample_at(image, nodes, out)
+    exact = cv2.remap(image.astype(np.float32), *lens.maps(H, size), cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+    assert np.abs(out - exact).max() < (0.02 + 1 / 32) * 2 * 65535  # OpenCV 4 rounds places to 1/32 px
+    assert not out[:, -20:].any()
+
+
+def test_nodes_are_gentle_only_near_the_identity() -> None:
+    mild = Camera(K, np.array([-0.02, 0, 0, 0]), "plumb_bob", SIZE)
+    assert mild.nodes(translation(3, 2), SIZE).gentle
+    assert not mild.nodes(similarity(40.0, 1.0, 0, 0), SIZE).gentle
+    assert not mild.nodes(similarity(0.0, 1.3, 0, 0), SIZE).gentle
+    assert not Nodes(*(np.full((4, 7), -1e6, np.float32) for _ in range(2))).gentle
