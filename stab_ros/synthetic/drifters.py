@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stab_ros.core.types import BoolArray, FloatArray
+from stab_ros.core.types import BoolArray, FloatArray, IdArray
 from stab_ros.synthetic.advection import Paths
 from stab_ros.synthetic.velocity_fields import VelocityField
 
@@ -62,7 +62,7 @@ class Drifting:
     deformation: FloatArray
     weight: FloatArray
     traits: FloatArray
-    number: FloatArray
+    number: IdArray
 
 
 class Drifters:
@@ -98,7 +98,8 @@ class Drifters:
     def _born(self, cohort: int, time_s: float) -> _Cohort:
         rng = np.random.default_rng([*self._key, cohort % 2**32])
         n = int(self._in_cohort + rng.random())
-        places_m, traits, number = self._spread(rng, n), rng.random((n, _TRAITS)), cohort * 2**32 + np.arange(n)
+        places_m, traits = self._spread(rng, n), rng.random((n, _TRAITS))
+        number = cohort * 2**32 + np.arange(n, dtype=np.int64)
         keep = slice(None) if self._matters is None else self._matters(places_m)
         return _Cohort(self._field, places_m[keep], traits[keep], time_s, self._arm_m, number[keep])
 
@@ -115,7 +116,7 @@ class _Cohort:
     """Particles born together, each followed by its centre and two arms."""
 
     def __init__(self, field: VelocityField, places_m: FloatArray, traits: FloatArray, born_s: float, arm_m: float,
-                 number: FloatArray) -> None:
+                 number: IdArray) -> None:
         self._traits, self._born_s, self._arm_m, self._number = traits, born_s, arm_m, number
         corners = places_m + arm_m * np.array([[[0.0, 0.0]], [[1.0, 0.0]], [[0.0, 1.0]]])
         self._paths = Paths(field, corners.reshape(-1, 2), born_s)

@@ -6,10 +6,10 @@
     flight.velocity_m_s(points_m, shot.stamp_ns)               # of the water surface, in the map
     flight.drifted_m(points_m, shot.stamp_ns, later_ns)        # where it carries them
 
-Camera, ground and control points are those of `Flight`. All that drifts is drawn where the velocity field has carried it
-from its birth: particles, foam, and texture as patches that are also strained as the water around them. So no part of
-the picture moves over the ground with another velocity, unless it is asked for (`SurfaceSettings`): wind waves, standing
-waves, the sun's reflection, the bed. The same arguments give the same bytes on one machine, in any order of the frames.
+Camera, ground and control points are those of `Flight`. All that drifts is drawn where the velocity field has carried
+it from its birth: particles, foam, and texture as patches that are also strained as the water around them. So no part
+of the water moves otherwise, unless it is asked for (`SurfaceSettings`): wind waves, standing waves, the sun's
+reflection, the bed. The same arguments give the same bytes on one machine, in any order of the frames.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from stab_ros.synthetic.terrain import COARSE, Layout
 from stab_ros.synthetic.textures import natural_texture
 from stab_ros.synthetic.velocity_fields import VelocityField
 
-_COVER = 8.0  # patches over each place
+_COVER = 4.0  # patches over each place
 _RADIUS_TEXELS = 18.0  # of a patch; the finest wavelength is 0.37 of its radius
 _CUT = 0.15  # highest frequency of the texture, 1/texel
 _LEAST_POWER = 0.05
@@ -177,7 +177,7 @@ class RiverFlight(Flight):
         pitch = COARSE * extent.texel_m
         x, y = np.meshgrid(extent.x_m + pitch * np.arange(columns), extent.y_m + pitch * np.arange(rows))
         depths = self.bed.depths_m(np.column_stack([x.ravel(), -y.ravel()])).reshape(rows, columns)
-        return (self.surface.bed * np.exp(-depths / self.surface.clear_m)).astype(np.float32)
+        return np.asarray(self.surface.bed * np.exp(-depths / self.surface.clear_m), np.float32)
 
     def _image(self, index: int) -> Image:
         texel_H_image = self._texel_H_image(index)
@@ -235,7 +235,7 @@ class RiverFlight(Flight):
         """Share (N,) of full water at points (N, 2), 0 beyond the ground's texture."""
         extent = self.ground.extent
         cells = np.round((points_m * (1, -1) - (extent.x_m, extent.y_m)) / extent.texel_m).astype(int)
-        inside = ((cells >= 0) & (cells < extent.shape[::-1])).all(axis=1)
+        inside = np.all((cells >= 0) & (cells < extent.shape[::-1]), axis=1)
         column, row = np.where(inside[:, None], cells, 0).T
         return np.where(inside, self.ground.water[row, column] / 255, 0)
 

@@ -23,7 +23,7 @@ class _Reach:
 
 
 # alpine: its islands crowd the flow, which is then up to 2 m/s
-_REACHES = {"kolubara": _Reach(0.12, 1.4, 3.0), "alpine": _Reach(1.15, 0.9, -8.1), "basento": _Reach(0.4, 0.35, 0.4)}
+_REACHES = {"kolubara": _Reach(0.12, 1.4, 3.0), "alpine": _Reach(0.916, 0.9, -8.1), "basento": _Reach(0.4, 0.35, 0.4)}
 
 
 def flow_of(scene: SceneSettings, kind: str = "parabolic") -> VelocityField:

@@ -134,7 +134,7 @@ def _glint_level(water: Water, u: int, v: int) -> np.float32:
         return np.float32(0)
     shine = np.exp(-((u - x) ** 2 + (v - y) ** 2) / (radius * radius))
     sparkle = max(sample_texture(water.sparkles, u - x, v - y) - _SPARKLE_FROM, np.float32(0))
-    return np.float32(strength * shine) * (np.float32(0.4) + np.float32(1.2) * sparkle)
+    return np.float32(strength * shine * (0.4 + 1.2 * sparkle))
 
 
 @lazy_kernel()

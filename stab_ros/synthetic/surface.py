@@ -100,7 +100,7 @@ def wind_waves(settings: SurfaceSettings, gsd_m: float, current_m_s: FloatArray,
 
 
 def standing_waves(settings: SurfaceSettings, gsd_m: float, region: Region, seed: int) -> FloatArray:
-    """Trains of waves (n, 6) that stand: centre, m, wave number, rad/m, to the east and to the north, radius, amplitude.
+    """Trains of waves (n, 6) that stand: centre, m, wave number to the east and to the north, rad/m, radius, amplitude.
 
     Obstacles lie anywhere. A wave stands where its own speed is that of the water; here its length is not tied to it.
     """
