@@ -61,7 +61,7 @@ class Filling(Protocol):
 
 
 def by_depth(measured: Measured, depth_m: FloatArray, velocity_m_s: FloatArray, power: float) -> FloatArray:
-    """v = c h^power, with c from the nearest known verticals.
+    """V = c h^power, with c from the nearest known verticals.
 
     Beyond the outermost known verticals, c is that of the three nearest; between known ones it changes linearly.
     With the power 1/2 this is a constant Froude number, v / sqrt(g h) (Le Coz et al. 2008; Fulford and Sauer 1986).

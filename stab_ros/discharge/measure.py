@@ -89,8 +89,8 @@ def _check_known(surface: SurfaceVelocities, search_m: float, config: DischargeC
     if not np.isfinite(surface.nearest_m):
         raise InputError("there is no vector; a discharge must have measured velocities")
     raise InputError(f"no vector lies within {search_m:.3g} m of the wet section, the nearest is "
-                     f"{surface.nearest_m:.4g} m away; the section must cross the measured water, in the coordinates of "
-                     "the map")
+                     f"{surface.nearest_m:.4g} m away; the section must cross the measured water, in the coordinates "
+                     "of the map")
 
 
 def _total_sigma(surface: SurfaceVelocities) -> FloatArray:

@@ -134,14 +134,19 @@ def _solved(stage_m: FloatArray, log_q: FloatArray, sigma: FloatArray, h0_m: flo
     bounds = ([-np.inf, _LEAST_EXPONENT, lowest - _FARTHEST * reach],
               [np.inf, _LARGEST_EXPONENT, lowest - _NEAREST * reach])
     inside = np.clip(start, np.array(bounds[0]) + 1e-9, np.array(bounds[1]) - 1e-9)
-    found = least_squares(lambda values: _linearized(values, stage_m, log_q, sigma)[0], inside, bounds=bounds,
-                          jac=lambda values: _linearized(values, stage_m, log_q, sigma)[1], xtol=1e-12, ftol=1e-12,
-                          x_scale=[1.0, 1.0, reach])
+
+    def residuals(values: FloatArray) -> FloatArray:
+        return _linearized(values, stage_m, log_q, sigma)[0]
+
+    def derivatives(values: FloatArray) -> FloatArray:
+        return _linearized(values, stage_m, log_q, sigma)[1]
+
+    found = least_squares(residuals, inside, derivatives, bounds, xtol=1e-12, ftol=1e-12, x_scale=[1.0, 1.0, reach])
     return np.asarray(found.x)
 
 
 def _line(stage_m: FloatArray, log_q: FloatArray, sigma: FloatArray, h0_m: float) -> FloatArray:
-    """ln a and b for a known h0, by linear regression."""
+    """Ln a and b for a known h0, by linear regression."""
     design = np.column_stack([np.ones_like(stage_m), np.log(stage_m - h0_m)])
     (log_a, b), *_ = np.linalg.lstsq(design / sigma[:, None], log_q / sigma, rcond=None)
     return np.array([log_a, b, h0_m])

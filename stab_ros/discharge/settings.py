@@ -18,8 +18,8 @@ class DischargeConfig(Checked):
     """
 
     search_m: float = setting(
-        0.0, "Search distance in metres around each vertical within which its vectors lie; 0: half the mean distance of "
-        "the verticals", 0.0, 1e4)
+        0.0, "Search distance in metres around each vertical within which its vectors lie; 0: half the mean distance "
+        "of the verticals", 0.0, 1e4)
     verticals: int = setting(
         0, "Number of verticals, spaced evenly over the wet width; 0: the points of the survey", 0, 1000)
     min_vectors: int = setting(

@@ -81,14 +81,14 @@ def _near(section: CrossSection, wet: BoolArray, vectors: Vectors, search_m: flo
     found = [np.sort(np.array(tree.query_ball_point(place, search_m), np.int64)) if under else none
              for place, under in zip(section.position_m, wet, strict=True)]
     distance_m, _ = tree.query(section.position_m[wet])
-    return found, float(distance_m.min())
+    return found, float(np.min(distance_m))
 
 
 def _downstream(normal: FloatArray, vectors: Vectors, near: list[IdArray]) -> FloatArray:
     """The normal on the side to which the water flows."""
     used = np.unique(np.concatenate(near))
     sign = -1.0 if len(used) and (vectors.velocity_m_s[used] @ normal).sum() < 0 else 1.0
-    return sign * normal
+    return np.asarray(sign * normal)
 
 
 def _scatter(across: FloatArray, own: FloatArray, groups: list[IdArray], tracks: IdArray) -> FloatArray:
