@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stab_ros.core.types import FloatArray
+from stab_ros.core.types import FloatArray, IdArray
 from stab_ros.discharge.cross_section import CrossSection, between, referenced
 from stab_ros.discharge.integration import mean_section, mid_section
 from stab_ros.discharge.measure import measure
@@ -69,7 +69,8 @@ def of_field_notes(ivy: Path) -> Iterator[Line]:
     for name, method in (("mid-section", mid_section), ("mean-section", mean_section)):
         q = float(method(metres, depths, speeds).sum()) / _FOOT_M**3
         yield Line(f"USGS TM3-A8 notes, {name}", "73.39 ft3/s, 143.6 ft2", f"{q:.2f} ft3/s, {area:.2f} ft2",
-                   "the notes round areas to 0.1, which makes 73.1 to 73.5 and 143.0 to 143.7" if name == "mid-section" else "another method")
+                   "the notes round areas to 0.1, which makes 73.1 to 73.5 and 143.0 to 143.7" if method is mid_section
+                   else "another method")
 
 
 def _literal(source: Path, name: str) -> FloatArray:
@@ -124,7 +125,7 @@ def _of_grid(grid: dict[str, FloatArray]) -> Vectors:
     velocity = np.column_stack([grid[name][times, rows, columns] for name in ("v_x", "v_y")])
     middle = np.column_stack([x[rows, columns], y[rows, columns]])
     start_ns = (grid["time"][times] * _NS).astype(np.int64)
-    return _vectors(middle, velocity, start_ns, np.arange(len(times)))
+    return _vectors(middle, velocity, start_ns, np.arange(len(times), dtype=np.int64))
 
 
 def _to_grid(grid: dict[str, FloatArray], map_m: FloatArray) -> FloatArray:
@@ -149,7 +150,8 @@ def of_pisco(river: Path) -> Iterator[Line]:
     seen = np.isfinite(moved_px).all(axis=1)
     start, end = (_mapped(to_map, px[seen]) for px in (at_px, moved_px))
     velocity = (end - start) / between_frames_s
-    vectors = _vectors(start, velocity, np.zeros(len(start), np.int64), np.arange(len(start)))
+    vectors = _vectors(start, velocity, np.zeros(len(start), np.int64),
+                       np.arange(len(start), dtype=np.int64))
     line = between(np.array([section["east_l"], section["north_l"]]),
                    np.array([section["east_r"], section["north_r"]]), bed["d"], bed["h"])
     config = DischargeConfig(alpha=1.0, verticals=13, search_m=1.2, min_vectors=1, alpha_sigma=0.0)
@@ -163,11 +165,11 @@ def _mapped(to_map: FloatArray, px: FloatArray) -> FloatArray:
     return np.asarray(places[:, :2] / places[:, 2:])
 
 
-def _vectors(middle_m: FloatArray, velocity_m_s: FloatArray, start_ns: FloatArray, track_id: FloatArray) -> Vectors:
+def _vectors(middle_m: FloatArray, velocity_m_s: FloatArray, start_ns: IdArray, track_id: IdArray) -> Vectors:
     """Vectors of a second around their middles, without covariance: their scatter tells the error."""
     n = len(middle_m)
-    return Vectors(middle_m - velocity_m_s / 2, middle_m + velocity_m_s / 2, start_ns.astype(np.int64),
-                   start_ns.astype(np.int64) + _NS, np.zeros((n, 2, 2)), np.zeros((n, 2, 0)), track_id.astype(np.int64))
+    return Vectors(middle_m - velocity_m_s / 2, middle_m + velocity_m_s / 2, start_ns, start_ns + _NS,
+                   np.zeros((n, 2, 2)), np.zeros((n, 2, 0)), track_id)
 
 
 def _said(found: Discharge) -> str:

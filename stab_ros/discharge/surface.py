@@ -98,7 +98,7 @@ def _scatter(across: FloatArray, own: FloatArray, groups: list[IdArray], tracks:
     many = seen[tracks > 2]
     pooled = float(np.median(many)) if len(many) else np.nan
     joint = seen if np.isnan(pooled) else np.sqrt((tracks * seen**2 + _POOLED_AS * pooled**2) / (tracks + _POOLED_AS))
-    return np.maximum(joint, np.sqrt(_medians(own, groups)))
+    return np.asarray(np.maximum(joint, np.sqrt(_medians(own, groups))))
 
 
 def _medians(values: FloatArray, groups: list[IdArray]) -> FloatArray:

@@ -31,9 +31,9 @@ def _bed(found: Discharge) -> Panel:
     axes.axhline(found.wse_m, color=REFERENCE_COLOR, linewidth=1.0)
     label(axes, "chainage, m", "elevation, m")
     legend(axes, columns=2)
-    return drawn(figure, "Cross-section", f"Bed and water surface at {found.wse_m:.6g} m; the chainage runs from left to "
-                 "right.", "Bed elevation in metres over chainage in metres, with the "
-                 "water surface and the verticals.")
+    return drawn(figure, "Cross-section", f"Bed and water surface at {found.wse_m:.6g} m; the chainage runs from left "
+                 "to right.", "Bed elevation in metres over chainage in metres, with the water surface and the "
+                 "verticals.")
 
 
 def _velocities(found: Discharge, alpha: float) -> Panel:
