@@ -25,7 +25,7 @@ def looks_like_depths(heights_m: FloatArray) -> bool:
 def looks_like_elevations(depths_m: FloatArray) -> bool:
     """Whether depths along a section look like elevations: the ends are deepest, or all depths are far from 0."""
     inner, ends = float(depths_m.min()), np.sort(depths_m[[0, -1]])
-    hollow = inner < 0.8 * float(ends[0]) and float(depths_m.max()) <= float(ends[1])
+    hollow = inner < 0.98 * float(ends[0]) and float(depths_m.max()) <= float(ends[1])
     offset = float(depths_m.min()) > 5 * float(np.ptp(depths_m)) > 0
     return bool(len(depths_m) > 2 and (hollow or offset))
 
