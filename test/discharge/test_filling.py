@@ -16,7 +16,7 @@ KNOWN = (S > 1) & (S < 6) & ~((S > 3) & (S < 4))
 
 def filled(name: str, velocity: FloatArray, known: BoolArray = KNOWN, depth: FloatArray = DEPTH) -> FloatArray:
     measured = Measured(S, depth, channels(depth), known)
-    return FILLINGS[name](measured, depth[None], np.where(known, velocity, 99.0)[None])[0]
+    return np.asarray(FILLINGS[name](measured, depth[None], np.where(known, velocity, 99.0)[None])[0])
 
 
 PROFILES = {

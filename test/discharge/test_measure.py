@@ -19,8 +19,8 @@ QUICK = DischargeConfig(draws=200)
 RIVER = River(PROFILES["froude"])
 
 
-def of(river: River = RIVER, config: DischargeConfig = QUICK, until_m: float = WIDTH_M, section: CrossSection | None = None,
-       wse_m: float = WSE_M) -> Discharge:
+def of(river: River = RIVER, config: DischargeConfig = QUICK, until_m: float = WIDTH_M,
+       section: CrossSection | None = None, wse_m: float = WSE_M) -> Discharge:
     vectors = river.vectors(np.random.default_rng(1), 3000, until_m, 0.02, 0.0)
     return measure(vectors, section or river.section(), wse_m, config)
 
@@ -135,18 +135,21 @@ def test_a_section_that_ends_under_water_is_said() -> None:
     assert sum("under water" in warning for warning in of(section=section).warnings) == 2
 
 
-@pytest.mark.parametrize(("wrong", "says"), [
-    ({"wse_m": 2.0}, "the section is dry"),
-    ({"section": between(np.array([500.0, 0]), np.array([500.0, 1]), np.arange(-1.0, 22), WSE_M - parabola_m(
-        np.arange(-1.0, 22)))}, "the nearest is 49"),
-    ({"config": replace(QUICK, min_vectors=5000)}, "at most"),
-])
-def test_what_makes_no_discharge(wrong: dict[str, object], says: str) -> None:
-    with pytest.raises(InputError, match=says):
-        of(**wrong)  # type: ignore[arg-type]
+def test_a_dry_section_makes_no_discharge() -> None:
+    with pytest.raises(InputError, match="the section is dry"):
+        of(wse_m=2.0)
 
 
-def test_no_vectors_and_pixels_make_no_discharge() -> None:
+def test_a_section_beside_the_water_makes_no_discharge() -> None:
+    s = np.arange(-1.0, 22)
+    beside = between(np.array([500.0, 0]), np.array([500.0, 1]), s, WSE_M - parabola_m(s))
+    with pytest.raises(InputError, match="the nearest is 49"):
+        of(section=beside)
+
+
+def test_too_few_or_no_vectors_and_pixels_make_no_discharge() -> None:
+    with pytest.raises(InputError, match="at most"):
+        of(config=replace(QUICK, min_vectors=5000))
     with pytest.raises(InputError, match="there is no vector"):
         measure(no_vectors(), RIVER.section(), WSE_M, QUICK)
     with pytest.raises(InputError, match="px/s"):

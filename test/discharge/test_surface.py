@@ -8,6 +8,7 @@ from analytic_river import River
 
 from stab_ros.discharge.cross_section import referenced
 from stab_ros.discharge.surface import surface_velocities
+from stab_ros.velocimetry.speeds import joined
 
 EVEN = River(lambda s: 0 * s + 0.8)
 WET = np.ones(5, np.bool_)
@@ -28,9 +29,7 @@ def test_wrong_vectors_do_not_move_the_median_far() -> None:
     rng = np.random.default_rng(0)
     vectors = EVEN.vectors(rng, 1500, sigma_m_s=0.02, shared=0.0)
     wild = River(lambda s: 0 * s + 9.0).vectors(rng, 300, sigma_m_s=1.0, shared=0.0)
-    both = surface_velocities(SECTION, WET, type(vectors)(*(
-        np.concatenate([getattr(vectors, name), getattr(wild, name)]) for name in
-        ("start_m", "end_m", "start_ns", "end_ns", "covariance", "shared", "track_id"))), 1.0, 3)
+    both = surface_velocities(SECTION, WET, joined([vectors, wild]), 1.0, 3)
     assert both.velocity_m_s == pytest.approx(np.full(5, 0.8), abs=0.03)
 
 

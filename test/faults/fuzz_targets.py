@@ -213,7 +213,8 @@ _POS = (*_NUMBERS, b"%", b"GPST", b"UTC", b"JST", b"latitude(deg)", b"latitude(d
 _TABLE = (*_CSV, b";", b"\t", b"time", b"latitude", b"lon", b"datetime(utc)", b"qx", b"(feet)", b"[rad]", b"_ms",
           b"23:59:59", b"00:00:00", b"2022-08-07T12:00:00+99:99", b"1e17", b"-1e17", b"9999-12-31 23:59:59", b"sep=;")
 _GCPS = (*_CSV, b";", b"\t", b"X [meters]", b"X [px]", b"lat", b"lon", b"Frame", b"\xff\xfe", b"#", b"Y", b"1,5")
-_SECTION = (*_CSV, b";", b"\t", b"chainage", b"depth", b"Z/Depth", b"Z", b"X", b"Y", b" (ft)", b"_m", b"1,5", b"\xff\xfe")
+_SECTION = (*_CSV, b";", b"\t", b"chainage", b"depth", b"Z/Depth", b"Z", b"X", b"Y", b" (ft)", b"_m", b"1,5",
+            b"\xff\xfe")
 _GEOJSON = (*_JSON, b'"features"', b'"coordinates"', b'"properties"', b'"crs"', b"EPSG::", b'"Point"')
 _CAMERA = (*_YAML, b"camera_matrix", b"data", b"pose", b"origin", b"fitted", b"covariance", b"equidistant")
 

@@ -23,7 +23,7 @@ NS = 1_000_000_000
 LINE = ["--from", "0,0", "--to", "0,20"]
 
 
-@pytest.fixture()
+@pytest.fixture
 def velocity(tmp_path: Path) -> Path:
     with VelocityWriter(tmp_path / "V.csv") as table:
         table.write(RIVER.vectors(np.random.default_rng(0), 1500, WIDTH_M * 2 / 3))
