@@ -47,6 +47,10 @@ def _add_place(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--to", dest="end", type=pair, metavar="X,Y", help="where it ends, or any place in its line")
     parser.add_argument("--from-chainage", type=finite, default=0.0, metavar="M",
                         help="chainage at --from (default 0)")
+    parser.add_argument("--crs", metavar="EPSG:nnnn", help="reference system of the section's places and of --from and "
+                        "--to (default: the metres of the map)")
+    parser.add_argument("--origin", type=pair, metavar="LAT,LON",
+                        help="origin of the map, for --crs (default: as recorded)")
     heights = parser.add_mutually_exclusive_group()
     heights.add_argument("--elevation", dest="heights", action="store_const", const="elevation",
                          help="the heights of the section are elevations of the bed")
@@ -111,6 +115,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _job(options: argparse.Namespace) -> Any:
     from stab_ros.discharge.settings import DischargeConfig
+    from stab_ros.georeferencing.local_frame import LocalFrame
     from stab_ros.jobs.discharge import DischargeJob
     from stab_ros.jobs.discharge_input import Line
 
@@ -118,8 +123,9 @@ def _job(options: argparse.Namespace) -> Any:
     if (options.start is None) != (options.end is None):
         raise InputError("--from and --to belong together; give both or none")
     line = None if options.start is None else Line(options.start, options.end, options.from_chainage)
+    origin = None if options.origin is None else LocalFrame(*options.origin, 0.0)
     return DischargeJob(options.velocity, options.section, DischargeConfig(**given), options.wse_m, line,
-                        options.heights, options.topic)
+                        options.heights, options.crs, origin, options.topic)
 
 
 def _only_rating(options: argparse.Namespace) -> int:

@@ -11,9 +11,10 @@ from stab_ros.discharge.rating import Gauging, Rating, fit_rating
 from stab_ros.discharge.result import Discharge
 from stab_ros.discharge.running import RunningConfig
 from stab_ros.discharge.settings import DischargeConfig
+from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.io.gauging_file import read_gaugings
 from stab_ros.io.section_file import Heights, read_section
-from stab_ros.jobs.discharge_input import Line, MeasuredVelocities, read_measured, section_of
+from stab_ros.jobs.discharge_input import Line, MeasuredVelocities, in_map, read_measured, section_of
 from stab_ros.velocimetry.vectors import Vectors
 
 _NS = 1e9
@@ -31,6 +32,8 @@ class DischargeJob:
         wse_m: water surface elevation; None: as the recording says.
         line: where the distances of the section are in the map; None: it has places.
         heights: what the heights of the section are; None: as its header says.
+        crs: reference system of the section's places, "EPSG:nnnn"; None: the map.
+        origin: of the map; None: as the recording says.
         topic: of the velocities; None: the only one.
         level_max_age_s: age from which a water level is stale.
     """
@@ -41,6 +44,8 @@ class DischargeJob:
     wse_m: float | None = None
     line: Line | None = None
     heights: Heights | None = None
+    crs: str | None = None
+    origin: LocalFrame | None = None
     topic: str | None = None
     level_max_age_s: float = RunningConfig().level_max_age_s
 
@@ -74,8 +79,11 @@ def discharge_from_files(job: DischargeJob) -> MeasuredDischarge:
     """
     measured = read_measured(job.velocity, job.topic)
     table = read_section(job.section)
+    line = job.line
+    if job.crs is not None:
+        table, line = in_map(table, line, job.crs, job.origin or measured.origin)
     level = _level(job, measured)
-    section, wse_m, said = section_of(job.section, table, job.line, job.heights, level.wse_m)
+    section, wse_m, said = section_of(job.section, table, line, job.heights, level.wse_m)
     try:
         found = measure(measured.vectors, section, wse_m, job.config)
     except InputError as error:

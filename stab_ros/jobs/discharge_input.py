@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +12,14 @@ from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.types import FloatArray
 from stab_ros.discharge.cross_section import CrossSection, between, referenced
 from stab_ros.discharge.doubts import looks_like_elevations
+from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.io.bag import BagReader, Message, Topic, open_bag
-from stab_ros.io.cdr import POINT_CLOUD2
+from stab_ros.io.cdr import NAV_SAT_FIX, POINT_CLOUD2
+from stab_ros.io.fix_message import read_fix
 from stab_ros.io.georeference_messages import MAP_FRAME
 from stab_ros.io.point_cloud import read_cloud
 from stab_ros.io.section_file import Heights, SectionTable
-from stab_ros.io.topics import WATER_LEVEL_TOPIC
+from stab_ros.io.topics import ORIGIN_TOPIC, WATER_LEVEL_TOPIC
 from stab_ros.io.velocity_csv import read_velocities
 from stab_ros.io.velocity_message import read_velocity
 from stab_ros.io.water_level_message import WATER_LEVEL_TYPES, read_water_level
@@ -25,6 +27,7 @@ from stab_ros.velocimetry.speeds import joined
 from stab_ros.velocimetry.vectors import Vectors
 
 _VELOCITY = "velocity"  # last part of the topic's name
+_OTHERS = {WATER_LEVEL_TOPIC: WATER_LEVEL_TYPES, ORIGIN_TOPIC: (NAV_SAT_FIX,)}  # likewise, and the types
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +38,14 @@ class MeasuredVelocities:
         vectors: in the order of the file.
         levels: stamps, ns, and water surface elevations, m, in the order of their stamps.
         used_wse_m: at which the vectors were measured; None: not said.
+        origin: the map's place on the earth; None: not said.
         warnings: one line each.
     """
 
     vectors: Vectors
     levels: tuple[tuple[int, float], ...] = ()
     used_wse_m: float | None = None
+    origin: LocalFrame | None = None
     warnings: tuple[str, ...] = ()
 
 
@@ -58,9 +63,8 @@ def read_measured(path: Path, topic: str | None = None) -> MeasuredVelocities:
         return MeasuredVelocities(read_velocities(path))
     with open_bag(path) as bag:
         velocity = _velocity_topic(path, bag.topics, topic)
-        levels = [one for one in bag.topics.values()
-                  if one.name.rsplit("/", 1)[-1] == WATER_LEVEL_TOPIC and one.msgtype in WATER_LEVEL_TYPES]
-        return _gathered(path, bag, velocity, levels)
+        others = [one for one in bag.topics.values() if one.msgtype in _OTHERS.get(one.name.rsplit("/", 1)[-1], ())]
+        return _gathered(path, bag, velocity, others)
 
 
 def _velocity_topic(path: Path, topics: Mapping[str, Topic], wanted: str | None) -> Topic:
@@ -75,25 +79,40 @@ def _velocity_topic(path: Path, topics: Mapping[str, Topic], wanted: str | None)
                      "of velocimetry_node, or what stab-ros velocity wrote")
 
 
-def _gathered(path: Path, bag: BagReader, velocity: Topic, levels: list[Topic]) -> MeasuredVelocities:
-    parts: list[Vectors] = []
-    seen: list[tuple[int, float]] = []
-    used: list[float] = []
-    damaged = 0
-    types = {one.name: one.msgtype for one in levels}
-    for message in bag.messages([velocity.name, *types]):
+@dataclass(eq=False)
+class _Gathered:
+    """What the messages of a recording say, one by one."""
+
+    parts: list[Vectors] = field(default_factory=list)
+    used_wse_m: list[float] = field(default_factory=list)
+    levels: list[tuple[int, float]] = field(default_factory=list)
+    origin: LocalFrame | None = None
+
+    def take(self, message: Message, msgtype: str) -> None:
+        """Raises MessageError for a damaged message."""
+        if msgtype == POINT_CLOUD2:
+            self.parts.append(_vectors(message))
+            self.used_wse_m += _level_of(message)
+        elif msgtype == NAV_SAT_FIX:
+            fix = read_fix(message.data)
+            self.origin = None if fix.fault else LocalFrame(fix.latitude_deg, fix.longitude_deg, fix.height_m)
+        else:
+            level = read_water_level(message.data, msgtype, message.log_time_ns)
+            self.levels += [] if level.fault else [(level.stamp_ns, level.wse_m)]
+
+
+def _gathered(path: Path, bag: BagReader, velocity: Topic, others: list[Topic]) -> MeasuredVelocities:
+    found, damaged = _Gathered(), 0
+    types = {one.name: one.msgtype for one in (velocity, *others)}
+    for message in bag.messages(list(types)):
         try:
-            if message.topic == velocity.name:
-                parts.append(_vectors(message))
-                used += _level_of(message)
-            else:
-                level = read_water_level(message.data, types[message.topic], message.log_time_ns)
-                seen += [] if level.fault else [(level.stamp_ns, level.wse_m)]
+            found.take(message, types[message.topic])
         except MessageError:
             damaged += 1
     said = [f"{path}: {damaged} messages could not be read"] if damaged else []
+    used_m = float(np.median(found.used_wse_m)) if found.used_wse_m else None
     try:
-        return MeasuredVelocities(joined(parts), tuple(sorted(seen)), float(np.median(used)) if used else None,
+        return MeasuredVelocities(joined(found.parts), tuple(sorted(found.levels)), used_m, found.origin,
                                   (*said, *bag.warnings))
     except ValueError as error:
         raise InputError(f"{path}: {error}; they must be of one setup") from error
@@ -124,6 +143,33 @@ class Line:
     start_m: tuple[float, float]
     end_m: tuple[float, float]
     start_chainage_m: float = 0.0
+
+
+def in_map(table: SectionTable, line: Line | None, crs: str, origin: LocalFrame | None
+           ) -> tuple[SectionTable, Line | None]:
+    """Places of a reference system in the map; heights stay as they are.
+
+    Args:
+        table: as the file says.
+        line: of a section by distances, in the same system.
+        crs: "EPSG:nnnn".
+        origin: of the map.
+
+    Raises:
+        InputError: the origin is not known, the system is unknown, or a place is not near the map.
+    """
+    if origin is None:
+        raise InputError(f"coordinates of {crs} need the origin of the map; give --origin LATITUDE,LONGITUDE")
+
+    def mapped(places: FloatArray) -> FloatArray:
+        full = np.column_stack([places, np.full(len(places), origin.height_m)])
+        return origin.from_crs(crs, full)[:, :2]
+
+    placed = None if table.position_m is None else mapped(table.position_m)
+    if line is not None:
+        start, end = mapped(np.array([line.start_m, line.end_m])).tolist()
+        line = Line((start[0], start[1]), (end[0], end[1]), line.start_chainage_m)
+    return replace(table, position_m=placed), line
 
 
 def section_of(path: Path, table: SectionTable, line: Line | None, heights: Heights | None, wse_m: float | None

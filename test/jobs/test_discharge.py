@@ -13,8 +13,10 @@ from report_page import Page
 from rosbags.typesys.stores import ros2_jazzy as ros
 
 from stab_ros.cli import main
+from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.io.bag import BagWriter, topic_of
-from stab_ros.io.cdr import FLOAT64, POINT_CLOUD2, Header, serialize
+from stab_ros.io.cdr import FLOAT64, NAV_SAT_FIX, POINT_CLOUD2, Header, serialize
+from stab_ros.io.fix_message import Fix, fix_cdr
 from stab_ros.io.velocity_csv import VelocityWriter
 from stab_ros.io.velocity_message import velocity_cdr
 
@@ -39,11 +41,16 @@ def survey(path: Path, header: str = "X,Y,Z", depths: bool = False) -> Path:
     return path
 
 
-def recording(path: Path, levels: list[tuple[int, float]], frame_id: str = "map") -> Path:
+def recording(path: Path, levels: list[tuple[int, float]], frame_id: str = "map", origin: LocalFrame | None = None
+              ) -> Path:
     """Velocities of seconds 100 to 103 and water levels, as a node records them."""
     with BagWriter(path) as bag:
         bag.add_topic(topic_of("/camera/velocity", POINT_CLOUD2))
         bag.add_topic(topic_of("/water_level", FLOAT64))
+        if origin is not None:
+            bag.add_topic(topic_of("/camera/georeference_node/origin", NAV_SAT_FIX))
+            fix = fix_cdr(Fix(0, origin.latitude_deg, origin.longitude_deg, origin.height_m))
+            bag.write("/camera/georeference_node/origin", 0, 0, fix)
         for second, wse_m in levels:
             bag.write("/water_level", second * NS, second * NS, serialize(ros.std_msgs__msg__Float64(wse_m), FLOAT64))
         for second in range(100, 103):
@@ -109,6 +116,24 @@ def test_without_a_topic_of_levels_that_of_the_velocities_counts(tmp_path: Path)
     bag, section = recording(tmp_path / "v.mcap", []), survey(tmp_path / "S.csv")
     assert main(["discharge", str(bag), str(section), "--json", str(tmp_path / "Q.json")]) == 0
     assert q_of(tmp_path / "Q.json")["wse_m"] == WSE_M
+
+
+def test_a_section_of_a_survey_in_utm(tmp_path: Path, velocity: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    origin = LocalFrame(46.1, 7.2, 0.0)
+    s = np.concatenate([[-1.0], np.linspace(0, WIDTH_M, 25), [WIDTH_M + 1]])
+    utm = origin.to_crs("EPSG:32632", np.column_stack([0 * s, s, 0 * s]))
+    rows = (f"{x!r},{y!r},{z!r}" for (x, y, _), z in zip(utm.tolist(), (WSE_M - parabola_m(s)).tolist(), strict=True))
+    (tmp_path / "S.csv").write_text("\n".join(["easting,northing,Z", *rows]))
+    call = ["discharge", str(velocity), str(tmp_path / "S.csv"), "--wse", "10", "--json", str(tmp_path / "Q.json")]
+    assert main(call) == 2
+    assert "in the coordinates of the map" in capsys.readouterr().err
+    assert main([*call, "--crs", "EPSG:32632"]) == 2
+    assert "--origin" in capsys.readouterr().err
+    assert main([*call, "--crs", "EPSG:32632", "--origin", "46.1,7.2"]) == 0
+    assert q_of(tmp_path / "Q.json")["q_m3_s"] == pytest.approx(RIVER.discharge_m3_s(), rel=0.05)
+    bag = recording(tmp_path / "v.mcap", [], origin=origin)
+    assert main(["discharge", str(bag), *call[2:-1], str(tmp_path / "Q2.json"), "--crs", "EPSG:32632"]) == 0
+    assert q_of(tmp_path / "Q2.json")["q_m3_s"] == pytest.approx(RIVER.discharge_m3_s(), rel=0.05)
 
 
 def test_a_rating_curve_grows(tmp_path: Path, velocity: Path, capsys: pytest.CaptureFixture[str]) -> None:
