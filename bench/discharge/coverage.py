@@ -31,11 +31,13 @@ def main() -> None:
     """Prints the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=100)
-    draws = parser.parse_args().draws
+    parser.add_argument("--parts", type=float, nargs="+", default=[1.0, 0.667, 0.5])
+    options = parser.parse_args()
+    draws, parts = options.draws, options.parts
     print("| profile | vectors | error without noise | RMS error | mean sigma | inside | inside, alpha known |")
     print("|---|---|---|---|---|---|---|")
     for name in PROFILES:
-        for part in (1.0, 2 / 3, 0.5):
+        for part in parts:
             print(_row(River(PROFILES[name]), name, part, draws))
 
 

@@ -11,7 +11,7 @@ from stab_ros.cli.options import add_force, command, finite, positive_float, pos
 from stab_ros.core.errors import InputError
 
 _SETTINGS = ("search_m", "verticals", "min_vectors", "integration", "filling", "alpha", "alpha_sigma", "wse_sigma_m",
-             "depth_sigma_m", "draws", "seed")
+             "depth_sigma_m", "filling_sigma", "draws", "seed")
 
 
 def add(commands: Any) -> None:
@@ -65,13 +65,16 @@ def _add_method(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--min-vectors", type=positive_int, metavar="N",
                         help="vectors from which a vertical counts as measured (default 3)")
     parser.add_argument("--filling", metavar="F",
-                        help="for verticals without vectors: froude (default), klt_iv, quadratic or cubic")
+                        help="for verticals without vectors: froude (default), froude_linear, klt_iv, quadratic or "
+                        "cubic")
     parser.add_argument("--integration", metavar="I", help="mid_section (default) or mean_section")
     parser.add_argument("--alpha", type=positive_float, metavar="A",
                         help="depth-averaged over surface velocity (default 0.85)")
     parser.add_argument("--alpha-sigma", type=seconds, metavar="A", help="its standard deviation (default 0.04)")
     parser.add_argument("--depth-sigma", dest="depth_sigma_m", type=seconds, metavar="M",
                         help="standard deviation of each bed point (default 0.02)")
+    parser.add_argument("--filling-sigma", type=seconds, metavar="R",
+                        help="relative standard deviation of filled velocities one width away (default 0.3)")
     parser.add_argument("--draws", type=positive_int, metavar="N", help="Monte Carlo draws (default 1000)")
     parser.add_argument("--seed", type=positive_int, metavar="N", help="their seed (default 0)")
 
@@ -123,7 +126,7 @@ def _job(options: argparse.Namespace) -> Any:
     if (options.start is None) != (options.end is None):
         raise InputError("--from and --to belong together; give both or none")
     line = None if options.start is None else Line(options.start, options.end, options.from_chainage)
-    origin = None if options.origin is None else LocalFrame(*options.origin, 0.0)
+    origin = None if options.origin is None else LocalFrame(options.origin[0], options.origin[1], 0.0)
     return DischargeJob(options.velocity, options.section, DischargeConfig(**given), options.wse_m, line,
                         options.heights, options.crs, origin, options.topic)
 

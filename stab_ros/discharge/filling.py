@@ -19,6 +19,8 @@ from stab_ros.discharge.wetted import DRY, shores_m
 
 _GROUP = 3  # verticals at an edge that tell the velocity beyond
 _MARGIN = 1.2  # a polynomial may exceed the largest measured velocity so far
+_BEND = 0.5  # how far a line of Froude numbers may leave their mean
+_SINGULAR = 1e-9  # share of a determinant that rounding makes
 _SPARE = 2  # points that a polynomial needs beyond its coefficients
 
 
@@ -95,6 +97,35 @@ def _shares(chainage_m: FloatArray, i: int, left: IdArray, right: IdArray) -> tu
     return 1.0 - right_share, right_share
 
 
+def by_linear_froude(measured: Measured, depth_m: FloatArray, velocity_m_s: FloatArray) -> FloatArray:
+    """v = c h^(1/2), with c a straight line over the width (Le Coz et al. 2010), by least squares of the velocities.
+
+    c stays within half and one and a half times its mean over the known verticals.
+    """
+    result = np.array(velocity_m_s)
+    for channel in np.unique(measured.channel[~measured.known]):
+        known, wanted = measured.neighbours(int(channel)), ~measured.known & (measured.channel == channel)
+        place = measured.chainage_m - measured.chainage_m[known].mean()
+        scale = np.sqrt(np.maximum(depth_m, 0.0))
+        line = _line(place[known], scale[:, known], velocity_m_s[:, known])
+        mean = _line(place[known], scale[:, known], velocity_m_s[:, known], sloped=False)
+        c = line @ np.stack([np.ones(wanted.sum()), place[wanted]])
+        low, high = np.sort(np.stack([mean[:, :1] * (1 - _BEND), mean[:, :1] * (1 + _BEND)]), axis=0)
+        result[:, wanted] = np.clip(c, low, high) * scale[:, wanted]
+    return result
+
+
+def _line(place_m: FloatArray, scale: FloatArray, velocity_m_s: FloatArray, sloped: bool = True) -> FloatArray:
+    """(D, 2), the c and its slope that fit velocities (D, K) = (c + slope place) scale best."""
+    sums = [(scale**2 * place_m**power).sum(axis=1) for power in range(3)]
+    right = [(scale * velocity_m_s * place_m**power).sum(axis=1) for power in range(2)]
+    least = np.where(sums[0] > 0, sums[0], 1.0)
+    determinant = sums[0] * sums[2] - sums[1] ** 2
+    safe = determinant > _SINGULAR * sums[0] * sums[2]
+    slope = np.where(safe & sloped, (sums[0] * right[1] - sums[1] * right[0]) / np.where(safe, determinant, 1.0), 0.0)
+    return np.stack([(right[0] - slope * sums[1]) / least, slope], axis=1)
+
+
 def by_polynomial(measured: Measured, depth_m: FloatArray, velocity_m_s: FloatArray, degree: int) -> FloatArray:
     """A polynomial over the width of each channel, by least squares, with a velocity of 0 at its shores.
 
@@ -125,5 +156,5 @@ def _operator(known_m: FloatArray, shores_m_: FloatArray, wanted_m: FloatArray, 
 
 
 FILLINGS: Mapping[str, Filling] = MappingProxyType({
-    "froude": partial(by_depth, power=0.5), "quadratic": partial(by_polynomial, degree=2),
+    "froude": partial(by_depth, power=0.5), "froude_linear": by_linear_froude, "quadratic": partial(by_polynomial, degree=2),
     "cubic": partial(by_polynomial, degree=3), "klt_iv": partial(by_depth, power=1.0)})

@@ -125,7 +125,7 @@ def _noise(surface: SurfaceVelocities, rough: Roughness, config: DischargeConfig
     bed_m = max(config.depth_sigma_m, np.nan_to_num(rough.depth_m))
     single = np.maximum(np.nan_to_num(surface.sigma_m_s), np.nan_to_num(rough.velocity_m_s))
     return Noise(config.alpha_sigma, config.wse_sigma_m, bed_m, np.where(surface.known, single, 0.0),
-                 surface.shared_m_s, filled)
+                 surface.shared_m_s, config.filling_sigma if filled else 0.0)
 
 
 def _used(vectors: Vectors, table: Verticals, search_m: float) -> Vectors:

@@ -17,6 +17,7 @@ from stab_ros.core.types import FloatArray, IdArray
 from stab_ros.discharge.filling import FILLINGS, Measured
 from stab_ros.discharge.integration import INTEGRATIONS
 from stab_ros.discharge.settings import DischargeConfig
+from stab_ros.discharge.wetted import wet_lengths_m
 
 _LEAST_ALPHA = 0.05
 _OF_THE_CHOSEN = 0.5  # share of draws with the filling that was chosen; the others share the rest
@@ -32,7 +33,8 @@ class Noise:
         bed_m: of the bed at each vertical.
         velocity_m_s: (N,), of the velocity at each vertical by itself.
         shared_m_s: (N, K), change of the velocities by one standard deviation of each shared error.
-        filling: whether the way of filling is drawn too.
+        filling: of filled velocities, relative, for each width of the river that they lie away from measured ones;
+            above 0, the way of filling is drawn too.
     """
 
     alpha: float
@@ -40,12 +42,12 @@ class Noise:
     bed_m: float
     velocity_m_s: FloatArray
     shared_m_s: FloatArray
-    filling: bool
+    filling: float
 
     def only(self, source: str) -> Noise:
         """That of one source of SOURCES alone."""
         keep = SOURCES[source]
-        quiet = Noise(0.0, 0.0, 0.0, np.zeros_like(self.velocity_m_s), np.zeros_like(self.shared_m_s), False)
+        quiet = Noise(0.0, 0.0, 0.0, np.zeros_like(self.velocity_m_s), np.zeros_like(self.shared_m_s), 0.0)
         return replace(quiet, **{keep: getattr(self, keep)})
 
 
@@ -72,6 +74,7 @@ def discharges(measured: Measured, velocity_m_s: FloatArray, noise: Noise, confi
     common = rng.normal(size=(shape[0], noise.shared_m_s.shape[1])) @ noise.shared_m_s.T
     surface = velocity_m_s + common + rng.normal(size=shape) * noise.velocity_m_s
     filled = _filled(measured, depth, surface, _methods(config, noise, rng))
+    filled = filled * (1 + noise.filling * _away(measured) * rng.normal(size=(shape[0], 2))[:, _side(measured)])
     return np.asarray(INTEGRATIONS[config.integration](measured.chainage_m, depth, alpha * filled).sum(axis=1))
 
 
@@ -83,6 +86,19 @@ def _methods(config: DischargeConfig, noise: Noise, rng: np.random.Generator) ->
     shares[chosen] = _OF_THE_CHOSEN
     drawn = rng.choice(len(names), config.draws, p=shares)
     return np.asarray(drawn if noise.filling else np.full(config.draws, chosen), np.int64)
+
+
+def _away(measured: Measured) -> FloatArray:
+    """(N,), distance from the nearest measured vertical over the wet width; 0 at measured ones."""
+    distance = np.abs(measured.chainage_m[:, None] - measured.chainage_m[measured.known]).min(axis=1)
+    width = wet_lengths_m(measured.chainage_m, measured.depth_m).sum()
+    return np.asarray(np.where(measured.known, 0.0, distance / width))
+
+
+def _side(measured: Measured) -> IdArray:
+    """(N,), 0 or 1 for what lies before or after the middle of the measured verticals: each errs as a whole."""
+    known = measured.chainage_m[measured.known]
+    return (measured.chainage_m > (known[0] + known[-1]) / 2).astype(np.int64)
 
 
 def _filled(measured: Measured, depth_m: FloatArray, velocity_m_s: FloatArray, methods: IdArray) -> FloatArray:
