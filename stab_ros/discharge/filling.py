@@ -63,7 +63,7 @@ class Filling(Protocol):
 
 
 def by_depth(measured: Measured, depth_m: FloatArray, velocity_m_s: FloatArray, power: float) -> FloatArray:
-    """V = c h^power, with c from the nearest known verticals.
+    """The velocity is c h^power, with c from the nearest known verticals.
 
     Beyond the outermost known verticals, c is that of the three nearest; between known ones it changes linearly.
     With the power 1/2 this is a constant Froude number, v / sqrt(g h) (Le Coz et al. 2008; Fulford and Sauer 1986).
@@ -98,7 +98,7 @@ def _shares(chainage_m: FloatArray, i: int, left: IdArray, right: IdArray) -> tu
 
 
 def by_linear_froude(measured: Measured, depth_m: FloatArray, velocity_m_s: FloatArray) -> FloatArray:
-    """v = c h^(1/2), with c a straight line over the width (Le Coz et al. 2010), by least squares of the velocities.
+    """The velocity is c h^(1/2), with c a straight line over the width (Le Coz et al. 2010), by least squares of the velocities.
 
     c stays within half and one and a half times its mean over the known verticals.
     """
@@ -156,5 +156,5 @@ def _operator(known_m: FloatArray, shores_m_: FloatArray, wanted_m: FloatArray, 
 
 
 FILLINGS: Mapping[str, Filling] = MappingProxyType({
-    "froude": partial(by_depth, power=0.5), "froude_linear": by_linear_froude, "quadratic": partial(by_polynomial, degree=2),
-    "cubic": partial(by_polynomial, degree=3), "klt_iv": partial(by_depth, power=1.0)})
+    "froude": partial(by_depth, power=0.5), "froude_linear": by_linear_froude, "klt_iv": partial(by_depth, power=1.0),
+    "quadratic": partial(by_polynomial, degree=2), "cubic": partial(by_polynomial, degree=3)})

@@ -28,8 +28,8 @@ class DischargeConfig(Checked):
         "mid_section", "How the verticals are added up: mid_section or mean_section", choices=tuple(INTEGRATIONS))
     filling: str = setting(
         "froude", "How verticals without vectors get a velocity: froude (v ~ sqrt(h), Le Coz et al. 2008), "
-        "froude_linear (Froude number linear over the width), klt_iv (v ~ h, as the released KLT-IV), quadratic or cubic "
-        "(polynomials over the width)", choices=tuple(FILLINGS))
+        "froude_linear (Froude number linear over the width), klt_iv (v ~ h, as the released KLT-IV), quadratic or "
+        "cubic (polynomials over the width)", choices=tuple(FILLINGS))
     filling_sigma: float = setting(
         0.3, "Relative standard deviation of a filled velocity one width of the river away from the nearest measured "
         "vertical; in proportion nearer by", 0.0, 3.0)

@@ -20,7 +20,8 @@ def filled(name: str, velocity: FloatArray, known: BoolArray = KNOWN, depth: Flo
 
 
 PROFILES = {
-    "froude_linear": 0.5 * np.sqrt(np.maximum(DEPTH, 0)) * (1 + 0.05 * (S - 3)), "froude": 0.7 * np.sqrt(np.maximum(DEPTH, 0)), "klt_iv": 0.4 * np.maximum(DEPTH, 0),
+    "froude_linear": 0.5 * np.sqrt(np.maximum(DEPTH, 0)) * (1 + 0.05 * (S - 3)),
+    "froude": 0.7 * np.sqrt(np.maximum(DEPTH, 0)), "klt_iv": 0.4 * np.maximum(DEPTH, 0),
     "quadratic": np.maximum(0.08 * S * (10 - S), 0), "cubic": np.maximum(0.01 * S * (10 - S) * (S + 3), 0)}
 
 
