@@ -98,7 +98,7 @@ def _shares(chainage_m: FloatArray, i: int, left: IdArray, right: IdArray) -> tu
 
 
 def by_linear_froude(measured: Measured, depth_m: FloatArray, velocity_m_s: FloatArray) -> FloatArray:
-    """The velocity is c h^(1/2), with c a straight line over the width (Le Coz et al. 2010), by least squares of the velocities.
+    """The velocity is c h^(1/2), with c linear over the width (Le Coz et al. 2010), by least squares.
 
     c stays within half and one and a half times its mean over the known verticals.
     """
