@@ -397,6 +397,16 @@ def gcp_tables() -> Iterator[bytes]:
     yield "name,x,y,X,Y,Z\nA,1,2,3,4,5\n".encode("utf-16")
 
 
+def section_tables() -> Iterator[bytes]:
+    yield b"X,Y,Z\n1.5,2,3\n2,3,2.5\n4,5,3.5\n"
+    yield b"\xef\xbb\xbfchainage (ft);depth\n0;0\n1,5;2\n3;0\n"
+    yield "Station\tZ/Depth\n0\t1\n2\t3\n".encode("utf-16")
+
+
+def gauging_tables() -> Iterator[bytes]:
+    yield b"stage_m,discharge_m3_s,sigma_m3_s,shared_sigma,source\n1.2,30.5,1.5,0.05,a.mcap\n1.6,60,3,0.05,b.mcap\n"
+
+
 def gcp_features() -> Iterator[bytes]:
     yield (b'{"type":"FeatureCollection","crs":{"properties":{"name":"urn:ogc:def:crs:EPSG::2056"}},"features":['
            b'{"type":"Feature","properties":{"name":"A","x":1,"y":2.5},"geometry":{"type":"Point","coordinates":'
@@ -429,6 +439,7 @@ SEEDS: dict[str, Callable[[], Iterator[bytes]]] = {
     "velocities": velocity_tables, "velocity": velocities, "lines": line_lists,
     "fix": fixes, "attitude": attitudes, "water_level": water_levels,
     "srt": subtitles, "pos": solutions, "table": tables,
+    "section": section_tables, "gaugings": gauging_tables,
     "gcps": gcp_tables, "geojson": gcp_features, "camera_file": camera_files,
     "parameters": parameter_files, "output_roi": output_rois,
     "mp4": partial(_videos, "plain.mp4", "edit_list.mp4", "rotated.mp4", "av1.mp4", "interlaced.mp4"),

@@ -23,6 +23,7 @@ from stab_ros.io.camera_message import read_camera
 from stab_ros.io.cdr import COMPRESSED_IMAGE, IMAGE, Header, read_stamp
 from stab_ros.io.coded_message import CDR_DEFINITIONS, FFMPEG_PACKET, PROTOBUF_FIELDS, CodedImage
 from stab_ros.io.fix_message import read_fix
+from stab_ros.io.gauging_file import read_gaugings
 from stab_ros.io.gcp_file import read_gcps
 from stab_ros.io.homographies import read_homographies
 from stab_ros.io.homography_message import read_homography
@@ -32,6 +33,7 @@ from stab_ros.io.image_topic import read_content, stamp_of
 from stab_ros.io.lines import read_lines
 from stab_ros.io.points import read_points, read_tracking_points
 from stab_ros.io.regions import read_area
+from stab_ros.io.section_file import read_section
 from stab_ros.io.static_maps import read_static_map
 from stab_ros.io.stored_image import stored_images
 from stab_ros.io.tiff_pages import DamagedTiffError
@@ -214,6 +216,8 @@ _POS = (*_NUMBERS, b"%", b"GPST", b"UTC", b"JST", b"latitude(deg)", b"latitude(d
 _TABLE = (*_CSV, b";", b"\t", b"time", b"latitude", b"lon", b"datetime(utc)", b"qx", b"(feet)", b"[rad]", b"_ms",
           b"23:59:59", b"00:00:00", b"2022-08-07T12:00:00+99:99", b"1e17", b"-1e17", b"9999-12-31 23:59:59", b"sep=;")
 _GCPS = (*_CSV, b";", b"\t", b"X [meters]", b"X [px]", b"lat", b"lon", b"Frame", b"\xff\xfe", b"#", b"Y", b"1,5")
+_SECTION = (*_CSV, b";", b"\t", b"chainage", b"depth", b"Z/Depth", b"Z", b"X", b"Y", b" (ft)", b"_m", b"1,5",
+            b"\xff\xfe")
 _GEOJSON = (*_JSON, b'"features"', b'"coordinates"', b'"properties"', b'"crs"', b"EPSG::", b'"Point"')
 _CAMERA = (*_YAML, b"camera_matrix", b"data", b"pose", b"origin", b"fitted", b"covariance", b"equidistant")
 
@@ -255,6 +259,8 @@ TARGETS: dict[str, Target] = {
     "polygons": Target(_text(lambda text: read_area({"roi": text})), 30, _JSON),
     "polygon_file": Target(_file("roi.json", lambda path: read_area({"roi": path})), 30, _JSON),
     "gcps": Target(_file("gcps.csv", lambda path: read_gcps(Path(path))), 50, _GCPS),
+    "section": Target(_file("section.csv", lambda path: read_section(Path(path))), 50, _SECTION),
+    "gaugings": Target(_file("R.csv", lambda path: read_gaugings(Path(path))), 30, _CSV),
     "geojson": Target(_file("gcps.geojson", lambda path: read_gcps(Path(path))), 30, _GEOJSON),
     "camera_file": Target(_file("camera.yaml", lambda path: read_camera_file(Path(path))), 30, _CAMERA),
     "homographies": Target(_file("H.csv", lambda path: read_homographies(Path(path))), 50, _CSV),

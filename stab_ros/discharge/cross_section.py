@@ -1,0 +1,125 @@
+"""A surveyed cross-section: places, chainage and bed elevation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stab_ros.core.errors import InputError
+from stab_ros.core.types import FloatArray
+
+_FEWEST = 3  # points that make a section
+_LARGEST_M = 1e5  # beyond it, coordinates are no section of a river
+
+
+@dataclass(frozen=True, eq=False)
+class CrossSection:
+    """N points across a river, along a straight line.
+
+    Attributes:
+        position_m: (N, 2), east and north in the map, as surveyed.
+        chainage_m: (N,), along the line from its first point, increasing.
+        bed_m: (N,), elevation of the bed in the heights of the water level.
+        along: (2,), unit vector of the line in the map.
+        offset_m: (N,), of the points from the line, m.
+
+    Raises:
+        InputError: fewer than three points, or values that are not finite.
+    """
+
+    position_m: FloatArray
+    chainage_m: FloatArray
+    bed_m: FloatArray
+    along: FloatArray
+    offset_m: FloatArray
+
+    def __post_init__(self) -> None:
+        n = len(self.chainage_m)
+        shapes = self.position_m.shape, self.bed_m.shape, self.along.shape, self.offset_m.shape
+        if shapes != ((n, 2), (n,), (2,), (n,)):
+            raise ValueError(f"{n} points with arrays of {shapes}")
+        if n < _FEWEST:
+            raise InputError(f"a section of {n} points, it must have at least {_FEWEST}")
+        if not all(np.isfinite(values).all() for values in (self.position_m, self.chainage_m, self.bed_m)):
+            raise InputError("a section with places or heights that are not finite, all must be numbers")
+
+    def __len__(self) -> int:
+        return len(self.chainage_m)
+
+    @property
+    def normal(self) -> FloatArray:
+        """(2,) unit vector across the line, to the right of `along`."""
+        return np.array([self.along[1], -self.along[0]])
+
+    def raised(self, by_m: float) -> CrossSection:
+        """The section with its bed raised."""
+        return replace(self, bed_m=self.bed_m + by_m)
+
+    def at(self, chainage_m: FloatArray) -> CrossSection:
+        """The section at other places along it, its bed and places interpolated linearly. chainage_m: increasing."""
+        columns = (*self.position_m.T, self.bed_m, self.offset_m)
+        east, north, bed, offset = (np.interp(chainage_m, self.chainage_m, column) for column in columns)
+        return replace(self, position_m=np.column_stack([east, north]), chainage_m=np.asarray(chainage_m, float),
+                       bed_m=bed, offset_m=offset)
+
+
+def referenced(position_m: FloatArray, bed_m: FloatArray) -> CrossSection:
+    """The section of points surveyed in the map.
+
+    The line is that of least squares; the chainage of a point is its place along it, so that points beside the line
+    add no width. Points are put in the order of their chainage, from the end at which the survey began.
+
+    Args:
+        position_m: (N, 2), east and north.
+        bed_m: (N,), bed elevation.
+
+    Raises:
+        InputError: fewer than three points, values that are not finite, or all in one place.
+    """
+    position_m, bed_m = np.asarray(position_m, float), np.asarray(bed_m, float)
+    if len(position_m) < _FEWEST:
+        raise InputError(f"a section of {len(position_m)} points, it must have at least {_FEWEST}")
+    centre = position_m.mean(axis=0)
+    _, _, directions = np.linalg.svd(np.nan_to_num(position_m - centre), full_matrices=False)
+    along = directions[0] * (1.0 if directions[0] @ (position_m[-1] - position_m[0]) >= 0 else -1.0)
+    places = (position_m - centre) @ along
+    order = np.argsort(places, kind="stable")
+    chainage = places[order] - places[order[0]]
+    _check_length(chainage)
+    offset = ((position_m - centre) @ np.array([along[1], -along[0]]))[order]
+    return CrossSection(position_m[order], chainage, bed_m[order], along, offset)
+
+
+def between(start_m: FloatArray, end_m: FloatArray, chainage_m: FloatArray, bed_m: FloatArray,
+            start_chainage_m: float = 0.0) -> CrossSection:
+    """The section of points at known distances along a line between two places.
+
+    Args:
+        start_m: (2,), where the line starts: east and north.
+        end_m: (2,), where it ends; only its direction counts.
+        chainage_m: (N,), distance of each point.
+        bed_m: (N,), bed elevation.
+        start_chainage_m: the chainage at `start_m`.
+
+    Raises:
+        InputError: both ends in one place, fewer than three points, or values that are not finite.
+    """
+    start_m, end_m = np.asarray(start_m, float), np.asarray(end_m, float)
+    length_m = float(np.linalg.norm(end_m - start_m))
+    if not 0 < length_m < _LARGEST_M:
+        raise InputError(f"start and end of the section are {length_m:g} m apart, they must be two places in the map")
+    along = (end_m - start_m) / length_m
+    order = np.argsort(chainage_m, kind="stable")
+    distance = np.asarray(chainage_m, float)[order]
+    _check_length(distance)
+    position = start_m + (distance - start_chainage_m)[:, None] * along
+    return CrossSection(position, distance, np.asarray(bed_m, float)[order], along, np.zeros(len(distance)))
+
+
+def _check_length(chainage_m: FloatArray) -> None:
+    if not np.isfinite(chainage_m).all():
+        raise InputError("a section with places that are not finite, all must be numbers")
+    length_m = float(chainage_m[-1] - chainage_m[0]) if len(chainage_m) else 0.0
+    if not 0 < length_m < _LARGEST_M:
+        raise InputError(f"a section of {length_m:g} m, it must reach across a river, with places in metres")

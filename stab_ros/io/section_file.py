@@ -1,0 +1,174 @@
+"""Files of a surveyed cross-section: [X, Y, Z or depth], or [chainage, Z or depth], under many headers."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from stab_ros.core.errors import InputError
+from stab_ros.core.text import one_line
+from stab_ros.core.types import FloatArray
+from stab_ros.io.text_file import read_text
+
+Heights: TypeAlias = Literal["elevation", "depth", "unknown"]
+FORM = "X,Y,Z or X,Y,depth or chainage,Z or chainage,depth, in metres or with (ft)"
+FOOT_M = 0.3048
+MOST_POINTS = 100_000
+_MEANINGS = {  # header in small letters, without its unit: what the column holds
+    **dict.fromkeys(("x", "e", "east", "easting", "x_map", "map_x", "xcoord", "x_coord", "xcoords"), "east"),
+    **dict.fromkeys(("y", "n", "north", "northing", "y_map", "map_y", "ycoord", "y_coord", "ycoords"), "north"),
+    **dict.fromkeys(("chainage", "station", "stationing", "distance", "dist", "offset", "s", "d", "location",
+                     "cross_distance", "relative_distance", "tagline"), "chainage"),
+    **dict.fromkeys(("z", "elevation", "elev", "ele", "bed", "bed_elevation", "bed_level", "z_bed", "bed_z", "level",
+                     "altitude", "height", "zcoord", "z_coord", "zcoords", "true_bed_elevation"), "elevation"),
+    **dict.fromkeys(("depth", "water_depth", "depths", "vertical_depth"), "depth"),
+    **dict.fromkeys(("h", "z/depth", "z_depth", "z_or_depth"), "unknown"),
+    **dict.fromkeys(("lat", "latitude", "lon", "lng", "longitude"), "geographic"),
+}
+_HEIGHTS: tuple[Heights, ...] = ("elevation", "depth", "unknown")
+_UNIT = re.compile(r"(.*?)[ _]*(?:[\[(] ?(.*?) ?[\])]|(?<=[ _])(m|ft|feet|foot|metres|meters|cm|mm))?", re.DOTALL)
+_IN_METRES = {"": 1.0, "m": 1.0, "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0, "cm": 0.01, "mm": 0.001,
+              "ft": FOOT_M, "feet": FOOT_M, "foot": FOOT_M, "ftus": 1200 / 3937, "us survey feet": 1200 / 3937}
+_Row: TypeAlias = tuple[int, list[str]]  # number of the line, and its cells
+
+
+@dataclass(frozen=True, eq=False)
+class SectionTable:
+    """What a file says of a cross-section, in metres.
+
+    Attributes:
+        position_m: (N, 2), east and north; None: the file has distances along the section.
+        chainage_m: (N,); None: the file has places.
+        height_m: (N,), as `heights` says.
+        heights: elevations of the bed, depths of the water, or "unknown" where the header does not tell.
+        remarks: how it was read, where that is not plain: one line each.
+    """
+
+    position_m: FloatArray | None
+    chainage_m: FloatArray | None
+    height_m: FloatArray
+    heights: Heights
+    remarks: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.height_m)
+
+
+@dataclass(frozen=True)
+class _Column:
+    """meaning: one of _MEANINGS; "": none. metres: of one unit."""
+
+    meaning: str
+    metres: float
+    named: str
+
+
+def read_section(path: Path) -> SectionTable:
+    """Reads a cross-section.
+
+    Args:
+        path: a .csv or .txt, its columns by their header or, without one, X, Y, Z or chainage, Z; separated by commas,
+            semicolons or tabs, with decimal commas where they separate no columns. Units stand in the header, as
+            `Z (ft)` or `depth_m`; without one they are metres.
+
+    Raises:
+        InputError: the file or a column is missing, or a cell is no number.
+    """
+    what = f"a table of a cross-section, {FORM}"
+    lines = [(n, line) for n, line in enumerate(read_text(path, what).splitlines(), 1)
+             if line.strip(" \t\0;,") and not line.lstrip().startswith(("#", "%"))]
+    if not lines:
+        raise InputError(f"{path}: is empty, it must be {what}")
+    if len(lines) > MOST_POINTS:
+        raise InputError(f"{path}: holds more than {MOST_POINTS} points, a cross-section must not have so many")
+    separator = next((mark for mark in "\t;" if mark in lines[0][1]), ",")
+    rows = [(n, _cells(path, n, line, separator)) for n, line in lines]
+    columns, rows = _columns(path, rows, separator)
+    return _table(path, columns, rows, separator)
+
+
+def _cells(path: Path, number: int, line: str, separator: str) -> list[str]:
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [""])]
+    except csv.Error as error:
+        raise InputError(f"{path}: line {number} is no row of a table ({error}), it must be {FORM}") from error
+
+
+def _columns(path: Path, rows: list[_Row], separator: str) -> tuple[list[_Column], list[_Row]]:
+    """What each column holds, and the rows below the header."""
+    first = rows[0][1]
+    if all(_number(cell, separator) is not None for cell in first):
+        names = {2: ("chainage", "unknown"), 3: ("east", "north", "unknown")}.get(len(first))
+        if names is None:
+            raise InputError(f"{path}: {len(first)} columns without a header, the first line must be {FORM}")
+        return [_Column(name, 1.0, name) for name in names], rows
+    columns = [_column(path, cell) for cell in first]
+    known = [column.meaning for column in columns if column.meaning]
+    found = one_line(separator.join(first))[:120]
+    if "geographic" in known:
+        raise InputError(f"{path}: has latitudes and longitudes in {found!r}, a section must be in the metres of the "
+                         "map, or have chainages")
+    for group in (("east",), ("north",), ("chainage",), _HEIGHTS):
+        if sum(name in group for name in known) > 1:
+            named = " and ".join(one_line(column.named) for column in columns if column.meaning in group)
+            raise InputError(f"{path}: {named} are two columns for one thing, the first line must be {FORM}")
+    if not ({"east", "north"} <= set(known) or "chainage" in known) or not set(_HEIGHTS) & set(known):
+        raise InputError(f"{path}: no columns of a cross-section in {found!r}, the first line must be {FORM}")
+    return columns, rows[1:]
+
+
+def _column(path: Path, header: str) -> _Column:
+    parts = _UNIT.fullmatch(" ".join(header.split()).strip('" '))
+    bare, unit = (parts[1], parts[2] or parts[3] or "") if parts else (header, "")
+    meaning = _MEANINGS.get(bare.lower().strip().replace(" ", "_"), "")
+    metres = _IN_METRES.get(unit.lower().strip("."))
+    if meaning and metres is None:
+        raise InputError(f"{path}: the column {one_line(header)[:60]!r} is in a unit that is not known, it must be m, "
+                         "cm, mm or ft")
+    return _Column(meaning, metres or 1.0, header)
+
+
+def _table(path: Path, columns: list[_Column], rows: list[_Row], separator: str) -> SectionTable:
+    at = {column.meaning: i for i, column in enumerate(columns) if column.meaning}
+    places = ["east", "north"] if {"east", "north"} <= set(at) else ["chainage"]
+    heights = next(kind for kind in _HEIGHTS if kind in at)
+    wanted = [at[name] for name in (*places, heights)]
+    values = [[_cell(path, n, row, i, separator, len(columns)) * columns[i].metres for i in wanted] for n, row in rows]
+    if not values:
+        raise InputError(f"{path}: holds no point; below the first line there must be at least three")
+    numbers = np.array(values)
+    place = numbers[:, :-1]
+    chained = places == ["chainage"]
+    return SectionTable(None if chained else place, place[:, 0] if chained else None, numbers[:, -1], heights,
+                        _remarks(path, [columns[i] for i in wanted]))
+
+
+def _remarks(path: Path, columns: list[_Column]) -> tuple[str, ...]:
+    feet = [one_line(column.named) for column in columns if column.metres in (FOOT_M, _IN_METRES["ftus"])]
+    return (f"{path}: {', '.join(feet)} read as feet, and made metres",) if feet else ()
+
+
+def _cell(path: Path, line: int, row: list[str], at: int, separator: str, columns: int) -> float:
+    if len(row) > columns and any(row[columns:]):
+        advice = "; with decimal commas the columns must be separated by semicolons" if separator == "," else ""
+        raise InputError(f"{path}: line {line} has {len(row)} cells for {columns} columns{advice}")
+    value = _number(row[at], separator) if at < len(row) else None
+    if value is None or not math.isfinite(value):
+        cell = one_line(row[at])[:40] if at < len(row) else ""
+        raise InputError(f"{path}: line {line}: {cell!r} is no number, it must be a row {FORM}")
+    return value
+
+
+def _number(cell: str, separator: str) -> float | None:
+    """A number; with a decimal comma where commas separate no columns."""
+    text = cell.replace(",", ".") if separator != "," and cell.count(",") == 1 and "." not in cell else cell
+    try:
+        return float(text) if len(text) < 40 and "_" not in text else None
+    except ValueError:
+        return None

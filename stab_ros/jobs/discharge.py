@@ -1,0 +1,165 @@
+"""What `stab-ros discharge` does: a discharge from files, and the rating curve that it joins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from stab_ros.core.errors import InputError
+from stab_ros.discharge.measure import measure
+from stab_ros.discharge.rating import Gauging, Rating, fit_rating
+from stab_ros.discharge.result import Discharge
+from stab_ros.discharge.running import RunningConfig
+from stab_ros.discharge.settings import DischargeConfig
+from stab_ros.georeferencing.local_frame import LocalFrame
+from stab_ros.io.gauging_file import read_gaugings
+from stab_ros.io.section_file import Heights, read_section
+from stab_ros.jobs.discharge_input import Line, MeasuredVelocities, in_map, read_measured, section_of
+from stab_ros.velocimetry.vectors import Vectors
+
+_NS = 1e9
+_DIFFERS_SIGMAS, _DIFFERS_M = 3.0, 0.05  # from which two water levels contradict each other
+
+
+@dataclass(frozen=True, eq=False)
+class DischargeJob:
+    """What is measured, from which files.
+
+    Attributes:
+        velocity: table or recording of velocities.
+        section: table of the cross-section.
+        config: methods and uncertainties.
+        wse_m: water surface elevation; None: as the recording says.
+        line: where the distances of the section are in the map; None: it has places.
+        heights: what the heights of the section are; None: as its header says.
+        crs: reference system of the section's places, "EPSG:nnnn"; None: the map.
+        origin: of the map; None: as the recording says.
+        topic: of the velocities; None: the only one.
+        level_max_age_s: age from which a water level is stale.
+    """
+
+    velocity: Path
+    section: Path
+    config: DischargeConfig = field(default_factory=DischargeConfig)
+    wse_m: float | None = None
+    line: Line | None = None
+    heights: Heights | None = None
+    crs: str | None = None
+    origin: LocalFrame | None = None
+    topic: str | None = None
+    level_max_age_s: float = RunningConfig().level_max_age_s
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredDischarge:
+    """What came out.
+
+    Attributes:
+        job: what was asked.
+        discharge: with its uncertainty.
+        vectors: all that were read.
+        level: where the water level is from, in words.
+        stage_known: whether its water level is an elevation; not so for depths without one.
+        warnings: one line each, with those of the discharge.
+    """
+
+    job: DischargeJob
+    discharge: Discharge
+    vectors: Vectors
+    level: str
+    stage_known: bool
+    warnings: tuple[str, ...]
+
+
+def discharge_from_files(job: DischargeJob) -> MeasuredDischarge:
+    """Reads velocities and section, and measures.
+
+    Raises:
+        InputError: a file cannot be read, the water level is missing, or velocities and section do not meet.
+    """
+    measured = read_measured(job.velocity, job.topic)
+    table = read_section(job.section)
+    line = job.line
+    if job.crs is not None:
+        table, line = in_map(table, line, job.crs, job.origin or measured.origin)
+    level = _level(job, measured)
+    section, wse_m, said = section_of(job.section, table, line, job.heights, level.wse_m)
+    try:
+        found = measure(measured.vectors, section, wse_m, job.config)
+    except InputError as error:
+        raise InputError(f"{job.velocity}, {job.section}: {error}") from error
+    warnings = (*measured.warnings, *said, *level.warnings, *found.warnings)
+    return MeasuredDischarge(job, found, measured.vectors, level.origin, level.wse_m is not None, warnings)
+
+
+@dataclass(frozen=True)
+class _Level:
+    wse_m: float | None
+    origin: str
+    warnings: tuple[str, ...] = ()
+
+
+def _level(job: DischargeJob, measured: MeasuredVelocities) -> _Level:
+    """The water level: the one given, else the newest recorded one, else that at which the vectors lie."""
+    if job.wse_m is not None:
+        return _Level(job.wse_m, "given", _contradiction(job, measured, job.wse_m))
+    if measured.levels and len(measured.vectors):
+        return _recorded(job, measured)
+    if measured.used_wse_m is not None:
+        return _Level(measured.used_wse_m, "that of the velocities")
+    return _Level(None, "the surface from which depths count")
+
+
+def _recorded(job: DischargeJob, measured: MeasuredVelocities) -> _Level:
+    end_ns = int(measured.vectors.end_ns.max())
+    before = [level for level in measured.levels if level[0] <= end_ns]
+    stamp_ns, wse_m = before[-1] if before else measured.levels[0]
+    age_s = (int(measured.vectors.start_ns.min()) - stamp_ns) / _NS
+    stale = (f"{job.velocity}: the water level is {abs(age_s):.0f} s {'older' if age_s > 0 else 'younger'} than the "
+             f"velocities, it must not be {job.level_max_age_s:g} s away",)
+    return _Level(wse_m, "recorded", (*(stale if abs(age_s) > job.level_max_age_s and not _during(measured, stamp_ns)
+                                        else ()), *_contradiction(job, measured, wse_m)))
+
+
+def _during(measured: MeasuredVelocities, stamp_ns: int) -> bool:
+    return bool(measured.vectors.start_ns.min() <= stamp_ns <= measured.vectors.end_ns.max())
+
+
+def _contradiction(job: DischargeJob, measured: MeasuredVelocities, wse_m: float) -> tuple[str, ...]:
+    """That the velocities lie on another water surface, whose scale they have."""
+    used_m = measured.used_wse_m
+    if used_m is None or abs(used_m - wse_m) <= max(_DIFFERS_M, _DIFFERS_SIGMAS * job.config.wse_sigma_m):
+        return ()
+    return (f"the velocities were measured on a water surface at {used_m:.6g} m, the discharge is asked for at "
+            f"{wse_m:.6g} m; both must be one",)
+
+
+def gauging_of(measured: MeasuredDischarge, stage_m: float | None) -> Gauging:
+    """The discharge as a gauging of a rating curve. stage_m: None: the water surface elevation.
+
+    Raises:
+        InputError: there is neither a stage nor a water surface elevation, or the discharge is not above 0.
+    """
+    if stage_m is None and not measured.stage_known:
+        raise InputError("a rating curve needs the stage; give --stage or --wse")
+    found, config = measured.discharge, measured.job.config
+    stage = found.wse_m if stage_m is None else stage_m
+    return Gauging(stage, found.q_m3_s, found.sigma_m3_s, config.alpha_sigma / config.alpha, str(measured.job.velocity))
+
+
+def gaugings_with(path: Path, new: Gauging | None) -> tuple[Gauging, ...]:
+    """The gaugings of a table, which may not exist yet, and a new one, which replaces that of the same source.
+
+    Raises:
+        InputError: the table cannot be read, or is missing where there is no new one.
+    """
+    known = read_gaugings(path) if new is None or path.exists() else ()
+    return known if new is None else (*(one for one in known if one.source != new.source), new)
+
+
+def rating_of(gaugings: tuple[Gauging, ...], h0_m: float | None) -> Rating | str:
+    """The rating curve, or why there is none yet."""
+    try:
+        return fit_rating(gaugings, h0_m)
+    except InputError as error:
+        return str(error)

@@ -1,0 +1,54 @@
+"""Each way of filling is exact for the profile that it assumes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stab_ros.core.types import BoolArray, FloatArray
+from stab_ros.discharge.filling import FILLINGS, Measured
+from stab_ros.discharge.wetted import channels
+
+S = np.concatenate([[-1.0], np.linspace(0, 10, 21), [11.0]])
+DEPTH = np.interp(S, [-1, 0, 3, 8, 10, 11], [-1, 0, 2, 1, 0, -1])
+KNOWN = (S > 1) & (S < 6) & ~((S > 3) & (S < 4))
+
+
+def filled(name: str, velocity: FloatArray, known: BoolArray = KNOWN, depth: FloatArray = DEPTH) -> FloatArray:
+    measured = Measured(S, depth, channels(depth), known)
+    return np.asarray(FILLINGS[name](measured, depth[None], np.where(known, velocity, 99.0)[None])[0])
+
+
+PROFILES = {
+    "froude_linear": 0.5 * np.sqrt(np.maximum(DEPTH, 0)) * (1 + 0.05 * (S - 3)),
+    "froude": 0.7 * np.sqrt(np.maximum(DEPTH, 0)), "klt_iv": 0.4 * np.maximum(DEPTH, 0),
+    "quadratic": np.maximum(0.08 * S * (10 - S), 0), "cubic": np.maximum(0.01 * S * (10 - S) * (S + 3), 0)}
+
+
+@pytest.mark.parametrize("name", FILLINGS)
+def test_exact_for_its_own_profile(name: str) -> None:
+    wet = DEPTH > 0
+    assert filled(name, PROFILES[name])[wet] == pytest.approx(PROFILES[name][wet], abs=1e-9)
+
+
+@pytest.mark.parametrize("name", FILLINGS)
+def test_measured_verticals_stay_as_they_are(name: str) -> None:
+    velocity = np.random.default_rng(0).uniform(0.5, 1, len(S))
+    assert np.array_equal(filled(name, velocity)[KNOWN], velocity[KNOWN])
+
+
+def test_a_polynomial_does_not_run_away() -> None:
+    known = (S > 4) & (S < 6)
+    steep = np.where(known, 1 + 3 * (S - 4), 0.0)
+    for name in ("quadratic", "cubic"):
+        assert 0 <= filled(name, steep, known).min() <= filled(name, steep, known).max() <= 1.2 * steep.max()
+
+
+def test_eddies_that_flow_back_are_filled_backwards() -> None:
+    assert (filled("froude", -PROFILES["froude"])[DEPTH > 0] < 0).all()
+
+
+def test_a_channel_without_vectors_takes_the_froude_number_of_the_other() -> None:
+    island = np.where(np.abs(S - 6) < 0.8, -0.5, DEPTH)
+    velocity = 0.7 * np.sqrt(np.maximum(island, 0))
+    assert filled("froude", velocity, KNOWN & (S < 5), island) == pytest.approx(velocity)

@@ -1,0 +1,65 @@
+"""Rating curves of known rivers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stab_ros.core.errors import InputError
+from stab_ros.discharge.rating import Gauging, fit_rating
+
+STAGES = np.linspace(0.785, 1.762, 14)  # of the Feshie in Perks et al. 2020
+
+
+def true_q(stage: np.ndarray) -> np.ndarray:
+    return np.asarray(30 * (stage - 0.2) ** 1.9)
+
+
+def gaugings(seed: int | None = None, own: float = 0.03, shared: float = 0.05) -> list[Gauging]:
+    rng = np.random.default_rng(seed)
+    common = 0.0 if seed is None else rng.normal(0, shared)
+    noise = np.zeros(len(STAGES)) if seed is None else rng.normal(0, own, len(STAGES))
+    q = true_q(STAGES) * np.exp(common + noise)
+    return [Gauging(h, one, one * float(np.hypot(own, shared)), shared) for h, one in zip(STAGES, q, strict=True)]
+
+
+def test_exact_without_noise() -> None:
+    rating = fit_rating(gaugings())
+    assert (rating.a, rating.b, rating.h0_m) == pytest.approx((30, 1.9, 0.2), rel=1e-6)
+    assert rating.at(np.array([0.1, 1.0]))[0] == pytest.approx([0, float(true_q(np.array(1.0)))])
+
+
+def test_the_truth_lies_within_the_interval() -> None:
+    at = np.array([0.6, 1.2, 2.0])
+    within = []
+    for seed in range(100):
+        q, sigma = fit_rating(gaugings(seed)).at(at)
+        within.append(np.abs(np.log(q / true_q(at))) < 1.96 * sigma)
+    assert (np.mean(within, axis=0) > 0.88).all()
+
+
+def test_a_known_stage_of_no_flow_is_kept() -> None:
+    rating = fit_rating(gaugings(1)[:2], 0.2)
+    assert rating.h0_m == 0.2
+    assert rating.covariance[2, 2] == 0
+
+
+def test_gaugings_without_sigma_count_alike_and_are_said() -> None:
+    rating = fit_rating([Gauging(one.stage_m, one.q_m3_s) for one in gaugings(3)])
+    assert any("count alike" in warning for warning in rating.warnings)
+    assert rating.at(np.array(1.2))[1] > 0
+
+
+def test_more_scatter_than_said_is_said() -> None:
+    rating = fit_rating([Gauging(one.stage_m, one.q_m3_s, 0.003 * one.q_m3_s) for one in gaugings(3)])
+    assert rating.scatter > 3
+    assert any("scatter" in warning for warning in rating.warnings)
+
+
+def test_too_few_stages() -> None:
+    with pytest.raises(InputError, match="2 different stages"):
+        fit_rating(gaugings()[:2])
+    with pytest.raises(InputError, match="above the stage of no flow"):
+        fit_rating(gaugings(), 0.9)
+    with pytest.raises(InputError, match="above 0"):
+        Gauging(1.0, -3.0)
