@@ -64,7 +64,7 @@ def placed_by_motion(camera: Camera, calibrated: bool, reference: ReferencePlace
     by_wse = (map_H_image - higher).ravel()[:8] / 1e-4
     on_water = by_ground @ covariance @ by_ground.T + sighting.wse_sigma_m**2 * np.outer(by_wse, by_wse)
     return placement(camera, map_H_image, on_water, pose,
-                     pose_covariance(camera, map_H_ground, covariance, reference.ground_m), values, warnings)
+                     pose_covariance(camera, map_H_ground, covariance), values, warnings)
 
 
 def _combined(reference: ReferencePlace, sighting: Sighting) -> FloatArray | None:
