@@ -25,6 +25,7 @@ from stab_ros.georeferencing.observability import doubts, refusals, rivals, why_
 from stab_ros.georeferencing.place_error import factor
 from stab_ros.georeferencing.point_noise import PointNoise
 from stab_ros.georeferencing.robust_fit import cleaned, fitted_to_best
+from stab_ros.georeferencing.view_derivatives import by_focals, by_pose
 from stab_ros.georeferencing.wrong_points import wrong_text
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.view import View
@@ -129,15 +130,17 @@ class CameraFit:
 
     def spread_on(self, wse_m: float) -> tuple[Homography, FloatArray]:
         """`map_H_image`, and changes (8, n) of h00 .. h21 by one standard deviation of each of n independent errors."""
-        problem, H = self.solution.problem, self._map_H_image(np.zeros(self.solution.problem.parameters), wse_m)
-        steps = 1e-4 * np.sqrt(np.maximum(np.diag(self.solution.covariance), 1e-30))
-        ends = [(self._map_H_image(step, wse_m), self._map_H_image(-step, wse_m)) for step in np.diag(steps)]
-        J = np.stack([(more - less).ravel()[:8] for more, less in ends], axis=1) / (2 * steps)
-        assert J.shape == (8, problem.parameters)
+        H, J = normalized(np.linalg.inv(self.view.image_H_map(wse_m))), self._derivative(wse_m)
         return H, np.asarray(J @ factor(self.solution.covariance))
 
-    def _map_H_image(self, x: FloatArray, wse_m: float) -> Homography:
-        return normalized(np.linalg.inv(self.solution.problem.moved(x).view.image_H_map(wse_m)))
+    def _derivative(self, wse_m: float) -> FloatArray:
+        """(8, n) of `map_H_image` by the parameters; k1 is no part of it."""
+        J = np.zeros((8, self.solution.problem.parameters))
+        J[:, : self.unknowns.rotation.stop] = by_pose(self.view, wse_m)[:, 0 if self.unknowns.position else 3:]
+        if self.unknowns.focals:
+            by_both = by_focals(self.view, wse_m)
+            J[:, self.unknowns.focal] = by_both if self.unknowns.focals == 2 else by_both.sum(axis=1, keepdims=True)
+        return J
 
 
 def fit_camera(points: ControlPoints, size: tuple[int, int], unknowns: Unknowns | None = None, *,

@@ -17,10 +17,10 @@ from stab_ros.georeferencing.plane_fit import LEAST_POINTS, PlaneFit, fit_plane
 from stab_ros.georeferencing.point_noise import PointNoise
 from stab_ros.georeferencing.settings import GeoreferenceConfig
 from stab_ros.georeferencing.unit_checks import is_feet
+from stab_ros.georeferencing.view_derivatives import by_level
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.pose import Pose
 
-_STEP_M = 1e-3  # of the numerical derivative by the water surface elevation
 _OFF_PLANE = 0.005  # height of points above the plane, as a share of their extent, that moves the water noticeably
 _DISAGREE = 0.05  # relative difference of heights that is warned of
 
@@ -71,7 +71,7 @@ class GcpFit:
 
     def by_level(self, wse_m: float) -> FloatArray:
         """(8,) derivative of `on_plane` by the elevation."""
-        return np.asarray((self.on_plane(wse_m)[0] - self.on_plane(wse_m - _STEP_M)[0]).ravel()[:8] / _STEP_M)
+        return np.zeros(8) if isinstance(self.fit, PlaneFit) else by_level(self.fit.view, wse_m)
 
 
 def fit_gcps(config: GeoreferenceConfig, camera: Camera, calibrated: bool, gcps: ControlPoints) -> GcpFit:

@@ -7,6 +7,8 @@ also where pixel (0, 0), by which h22 = 1 is fixed, lies above the horizon.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from stab_ros.core.geometry import point_jacobian
@@ -28,19 +30,24 @@ def with_positive_depth(ortho_H_image: Homography) -> Homography:
     return np.asarray(ortho_H_image * np.sign(np.linalg.det(ortho_H_image)))
 
 
+@lru_cache(maxsize=4)
 def sampled_pixels(camera: Camera) -> FloatArray:
-    """Undistorted pixels (n, 2) that the camera sees, in even steps over the image as taken."""
+    """Undistorted pixels (n, 2), read-only, that the camera sees, in even steps over the image as taken."""
     x, y = np.meshgrid(*(np.linspace(0, n - 1, _SAMPLES) for n in camera.size))
     rays = camera.rays(np.stack([x.ravel(), y.ravel()], axis=1))
     pixels = rays @ camera.K[:2, :2].T + camera.K[:2, 2]
-    return np.asarray(pixels[np.isfinite(pixels).all(axis=1)])
+    seen = np.asarray(pixels[np.isfinite(pixels).all(axis=1)])
+    seen.flags.writeable = False  # one camera takes all frames: its array is shared
+    return seen
 
 
 def gsd_m(map_H_image: Homography, pixels: FloatArray) -> FloatArray:
     """Ground sampling distance (N,) of undistorted pixels (N, 2), the longer axis of each, m; inf above the horizon."""
     seen = in_front(map_H_image, pixels)
     longest = np.full(len(pixels), np.inf)
-    longest[seen] = np.linalg.norm(point_jacobian(map_H_image, pixels[seen]), ord=2, axis=(1, 2))
+    J = point_jacobian(map_H_image, pixels[seen])
+    squares, area = np.sum(J**2, axis=(1, 2)), np.linalg.det(J)  # sum and root of the product of both axes' squares
+    longest[seen] = np.sqrt((squares + np.sqrt(np.maximum(squares**2 - 4 * area**2, 0))) / 2)
     return longest
 
 

@@ -65,7 +65,7 @@ def placed_by_motion(camera: Camera, calibrated: bool, reference: ReferencePlace
     by_wse = (map_H_image - higher).ravel()[:8] / 1e-4
     on_water = error.mapped(by_ground).with_shared(sighting.wse_sigma_m * by_wse)
     return placement(camera, map_H_image, on_water, pose,
-                     pose_covariance(camera, map_H_ground, error.covariance, reference.ground_m), values, warnings)
+                     pose_covariance(camera, map_H_ground, error.covariance), values, warnings)
 
 
 def _combined(reference: ReferencePlace, sighting: Sighting) -> PlaceError | None:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from stab_ros.core.types import FloatArray, Homography
+from stab_ros.georeferencing.pose_track import cross_matrix
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.pose import Pose
-
-_STEP = 1e-6  # of the numerical derivative, relative
 
 
 def pose_of_plane(camera: Camera, map_H_image: Homography, plane_m: float) -> Pose:
@@ -22,36 +21,49 @@ def pose_of_plane(camera: Camera, map_H_image: Homography, plane_m: float) -> Po
     Returns:
         The pose above the plane; its rotation is the one nearest to what a homography with noise tells.
     """
-    columns = np.linalg.solve(camera.K, np.linalg.inv(map_H_image))
-    columns /= np.sqrt(np.linalg.norm(columns[:, 0]) * np.linalg.norm(columns[:, 1]))
-    r3 = np.cross(columns[:, 0], columns[:, 1])
-    columns *= -np.sign(r3 @ columns[:, 2])  # the camera is above the plane
-    U, _, Vt = np.linalg.svd(np.column_stack([columns[:, :2], r3]))
-    R = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
+    columns = _columns(camera, map_H_image)
+    R, _ = _nearest_rotation(columns)
     east, north, height = -R.T @ columns[:, 2]
     return Pose(np.array([east, north, plane_m + height]), R)
 
 
-def pose_covariance(camera: Camera, map_H_image: Homography, covariance: FloatArray, plane_m: float) -> FloatArray:
+def pose_covariance(camera: Camera, map_H_image: Homography, covariance: FloatArray) -> FloatArray:
     """Covariance (6, 6) of `pose_of_plane`, as of `Placement`.
 
     Args:
         camera: as there.
         map_H_image: as there, with h22 = 1.
         covariance: (8, 8) of its h00 .. h21.
-        plane_m: as there.
     """
-    steps = _STEP * np.sqrt(np.maximum(np.diag(covariance), 1e-24))
-    J = np.stack([(_change(camera, map_H_image, k, step, plane_m) - _change(camera, map_H_image, k, -step, plane_m))
-                  / (2 * step) for k, step in enumerate(steps)], axis=1)
+    J = _pose_derivative(camera, map_H_image)
     return np.asarray(J @ covariance @ J.T)
 
 
-def _change(camera: Camera, H: Homography, entry: int, step: float, plane_m: float) -> FloatArray:
-    """(6,) change of the pose with that of one entry of H."""
-    changed = H.copy()
-    changed.flat[entry] += step
-    before, after = pose_of_plane(camera, H, plane_m), pose_of_plane(camera, changed, plane_m)
-    turn = after.cam_R_map.T @ before.cam_R_map
-    return np.concatenate([after.position_m - before.position_m,
-                           np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2])
+def _columns(camera: Camera, map_H_image: Homography) -> FloatArray:
+    """K^-1 image_H_map (3, 3), scaled so that its first columns are of length 1 and the camera is above the plane."""
+    columns = np.linalg.solve(camera.K, np.linalg.inv(map_H_image))
+    columns /= np.sqrt(np.linalg.norm(columns[:, 0]) * np.linalg.norm(columns[:, 1]))
+    return np.asarray(columns * -np.sign(np.cross(columns[:, 0], columns[:, 1]) @ columns[:, 2]))
+
+
+def _nearest_rotation(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """R (3, 3) and S (3, 3), symmetric, with R S = [c1, c2, c1 x c2]: the polar decomposition."""
+    U, singular, Vt = np.linalg.svd(np.column_stack([columns[:, :2], np.cross(columns[:, 0], columns[:, 1])]))
+    return np.asarray(U @ Vt), np.asarray(Vt.T * singular @ Vt)
+
+
+def _pose_derivative(camera: Camera, map_H_image: Homography) -> FloatArray:
+    """(6, 8) of position and rotations about the axes of the map by h00 .. h21."""
+    c = _columns(camera, map_H_image)
+    R, S = _nearest_rotation(c)
+    entries = np.eye(9)[:8].reshape(8, 3, 3)
+    dc = -c @ entries @ np.linalg.inv(map_H_image)  # of the inverse; then its scale is put right
+    growth = sum((c[:, k] @ dc[:, :, k].T) / (2 * c[:, k] @ c[:, k]) for k in range(2))
+    dc = dc - np.asarray(growth)[:, None, None] * c
+    d3 = np.cross(dc[:, :, 0], c[:, 1]) + np.cross(c[:, 0], dc[:, :, 1])
+    B = R.T @ np.concatenate([dc[:, :, :2], d3[:, :, None]], axis=2)
+    # dR = R [w] with [w] S + S [w] = B - B^T, which is (tr(S) I - S) w for vectors
+    skew = np.stack([B[:, 2, 1] - B[:, 1, 2], B[:, 0, 2] - B[:, 2, 0], B[:, 1, 0] - B[:, 0, 1]])
+    w = np.linalg.solve(np.trace(S) * np.eye(3) - S, skew)
+    place = -cross_matrix(R.T @ c[:, 2]) @ w - R.T @ dc[:, :, 2].T
+    return np.concatenate([place, -w])

@@ -12,11 +12,11 @@ from stab_ros.georeferencing.horizon import gsd_m, in_front, sampled_pixels, sho
 from stab_ros.georeferencing.orientation import Answer, Unplaced
 from stab_ros.georeferencing.place_error import PlaceError, all_shared, factor
 from stab_ros.georeferencing.placement import Placement
+from stab_ros.georeferencing.view_derivatives import by_level, by_pose
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.pose import Pose
 from stab_ros.imaging.view import View
 
-_STEP_M, _STEP_RAD = 1e-4, 1e-6  # of the numerical derivatives
 HORIZON = "the horizon is in view, what lies above it is left out"
 
 
@@ -42,7 +42,7 @@ def placed(camera: Camera, pose: Pose, pose_covariance: FloatArray | None, wse_m
     map_H_image = map_H_image_of(camera, pose, wse_m)
     error = None
     if pose_covariance is not None:
-        J, at_wse = _derivatives(camera, pose, wse_m)
+        J, at_wse = by_pose(View(camera, pose), wse_m), by_level(View(camera, pose), wse_m)
         of_pose = PlaceError(J @ pose_covariance @ J.T, np.zeros((8, 0))) if anew else (
             all_shared(J @ factor(pose_covariance)))
         error = of_pose.with_shared(wse_sigma_m * at_wse)
@@ -78,7 +78,7 @@ def map_H_image_of(camera: Camera, pose: Pose, wse_m: float) -> Homography:
 def sigma_m(map_H_image: Homography, covariance: FloatArray, pixels: FloatArray) -> FloatArray:
     """Standard deviation (N,) of the places of undistorted pixels (N, 2), root of the trace, m."""
     J = jacobian(map_H_image, pixels)
-    return np.asarray(np.sqrt(np.maximum(np.einsum("nij,jk,nik->n", J, covariance, J), 0)))
+    return np.asarray(np.sqrt(np.maximum(np.sum(J @ covariance * J, axis=(1, 2)), 0)))
 
 
 def turned(pose: Pose, change: FloatArray) -> Pose:
@@ -89,13 +89,3 @@ def turned(pose: Pose, change: FloatArray) -> Pose:
     skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     R = np.eye(3) + np.sin(angle) * skew + (1 - np.cos(angle)) * skew @ skew  # Rodrigues
     return Pose(pose.position_m + change[:3], pose.cam_R_map @ R.T)
-
-
-def _derivatives(camera: Camera, pose: Pose, wse_m: float) -> tuple[FloatArray, FloatArray]:
-    """Derivatives of h00 .. h21 of `map_H_image_of`, (8, 6) by the pose and (8,) by the water surface elevation."""
-    steps = np.diag([_STEP_M] * 3 + [_STEP_RAD] * 3)
-    by_pose = [(map_H_image_of(camera, turned(pose, step), wse_m) - map_H_image_of(camera, turned(pose, -step), wse_m))
-               / (2 * step.max()) for step in steps]
-    by_wse = (map_H_image_of(camera, pose, wse_m + _STEP_M) - map_H_image_of(camera, pose, wse_m - _STEP_M)) / (
-        2 * _STEP_M)
-    return np.stack([H.ravel()[:8] for H in by_pose], axis=1), by_wse.ravel()[:8]
