@@ -200,13 +200,14 @@ class _Interval:
         shared = self.windows.errors.columns(self.errors, measured, velocity, config.clock_sigma, config.stamp_sigma_s)
         way = velocity * (self.stamps_ns[-1] - self.stamps_ns[0]) * 1e-9 / 2
         count = len(velocity)
-        return Vectors(middle - way, middle + way, np.full(count, self.stamps_ns[0]), np.full(count, self.stamps_ns[-1]),
+        starts_ns, ends_ns = (np.full(count, stamp_ns) for stamp_ns in (self.stamps_ns[0], self.stamps_ns[-1]))
+        return Vectors(middle - way, middle + way, starts_ns, ends_ns,
                        turn @ found.covariance_px2_s2 @ turn.T, shared, first_id + np.arange(count), unit)
 
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """centres_px (N, 2), velocity_px_s (N, 2), covariance_px2_s2 (N, 2, 2), of pairs (P, 2) that are dt_s (P,) apart."""
+    """centres_px, velocity_px_s (N, 2) and its covariance (N, 2, 2), of pairs (P, 2) that are dt_s (P,) apart."""
 
     centres_px: FloatArray
     velocity_px_s: FloatArray
