@@ -253,7 +253,7 @@ class _Search:
         pairs = self._pairs(gap, _SEARCH_PAIRS)
         expected, blocks = self._correlated(velocity, clear, pairs)
         step = gaussian_peak(self._windows.parts(blocks).sum(axis=1))
-        return expected + np.nan_to_num(step) / self._dt_s(pairs).mean()
+        return np.asarray(expected + np.nan_to_num(step) / self._dt_s(pairs).mean())
 
     def _measured(self, velocity: FloatArray, clear: BoolArray, gap: int) -> _Found:
         pairs = self._pairs(gap, self._config.pairs)
