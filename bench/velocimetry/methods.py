@@ -77,7 +77,7 @@ def theirs(python: str, scene: MovingTexture, frames: Sequence[PlacedFrame]) -> 
         script = Path(__file__).with_name("of_openpiv.py")
         subprocess.run([python, str(script), str(given), str(answered)], check=True, env={}, capture_output=True)
         found = np.load(answered)
-        x, y, u, v = (found[name].ravel() for name in "xyuv")
+        y, u, v = (found[name].ravel() for name in "yuv")
         ms = float(found["ms"][1])
     known = np.isfinite(u) & np.isfinite(v)
     per_px = scene.gsd * scene.fps / gap
@@ -115,7 +115,8 @@ def main() -> None:
                       float(np.mean([r[2] for r in results]))), flush=True)
         if arguments.openpiv and "shakes" not in name:
             answers = [theirs(arguments.openpiv, scene, seen) for scene, seen in zip(of_seeds, frames, strict=True)]
-            print(row(name, "OpenPIV", [a[0] for a in answers], [], float(np.mean([a[1] for a in answers]))), flush=True)
+            ms = float(np.mean([answer[1] for answer in answers]))
+            print(row(name, "OpenPIV", [answer[0] for answer in answers], [], ms), flush=True)
 
 
 if __name__ == "__main__":
