@@ -96,7 +96,7 @@ def command(capfd: pytest.CaptureFixture[str]) -> Command:
 def executable() -> Command:
     """Runs `python -m stab_ros` with these arguments in a process of its own, in the folder `cwd`."""
 
-    def run(*arguments: object, cwd: Path | None = None, timeout_s: float = 120) -> subprocess.CompletedProcess[str]:
+    def run(*arguments: object, cwd: Path | None = None, timeout_s: float = 300) -> subprocess.CompletedProcess[str]:
         words = [sys.executable, "-m", "stab_ros", *map(str, arguments)]
         return subprocess.run(words, cwd=cwd, capture_output=True, text=True, timeout=timeout_s, check=False)
 

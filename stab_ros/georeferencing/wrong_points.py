@@ -91,7 +91,7 @@ def chance(whole: Solution[Problem], part: Solution[Problem]) -> float:
 def _credible(solution: Solution[Problem]) -> bool:
     """Whether the noise is known and the residuals agree."""
     known = solution.noise.image_px is not None
-    return known and bool(solution.redundancy <= 0 or chdtrc(solution.redundancy, solution.rss) > _CREDIBLE)
+    return known and (solution.redundancy <= 0 or bool(chdtrc(solution.redundancy, solution.rss) > _CREDIBLE))
 
 
 def _without_more(solve: Solve, found: Cleaned, suspects: Sequence[int], most: int) -> Cleaned | None:
