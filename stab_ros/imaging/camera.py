@@ -179,7 +179,15 @@ class Camera:
         return np.asarray(x), np.asarray(y)
 
     def nodes(self, ref_H_cur: Homography, size: tuple[int, int]) -> Nodes:
-        """`maps` at every 32nd pixel of each row, for `resample_at`."""
+        """`maps` at every 32nd pixel of each row, for `resample_at`.
+
+        Args:
+            ref_H_cur: as for `maps`.
+            size: as for `maps`.
+
+        Returns:
+            The nodes.
+        """
         ray_M_pixel = np.linalg.inv(ref_H_cur @ self.K)
         return Nodes(*lens_maps(self._lens, ray_M_pixel @ np.diag([NODE_PX, 1, 1]), (Nodes.columns(size[0]), size[1])))
 
