@@ -45,7 +45,8 @@ def _sample_spline(image: Gray, x: float, y: float) -> np.float32:
 
 
 @lazy_kernel(inline="always")
-def _sample_linear(image: Image, x: float, y: float) -> np.float32:
+def sample_linear(image: Image, x: float, y: float) -> np.float32:
+    """Value at (x, y) of an image (h, w), linear between its pixels and constant beyond its border."""
     left = min(max(int(np.floor(x)), 0), image.shape[1] - 2)
     top = min(max(int(np.floor(y)), 0), image.shape[0] - 2)
     fx = np.float32(min(max(x - left, 0.0), 1.0))
@@ -57,7 +58,8 @@ def _sample_linear(image: Image, x: float, y: float) -> np.float32:
 
 
 @lazy_kernel(inline="always")
-def _texel(H: Homography, u: float, v: float) -> tuple[float, float]:
+def texel(H: Homography, u: float, v: float) -> tuple[float, float]:
+    """Where the homography H (3, 3) maps (u, v)."""
     k = 1 / (H[2, 0] * u + H[2, 1] * v + H[2, 2])
     return (H[0, 0] * u + H[0, 1] * v + H[0, 2]) * k, (H[1, 0] * u + H[1, 1] * v + H[1, 2]) * k
 
@@ -77,11 +79,11 @@ def render_gray(size: tuple[int, int], texel_H_image: Homography, brightness: Gr
     image = np.empty((size[1], size[0]), np.float32)
     for v in range(size[1]):
         for u in range(size[0]):
-            tx, ty = _texel(texel_H_image, u, v)
-            wet = _sample_linear(water, tx, ty) / np.float32(255)
+            tx, ty = texel(texel_H_image, u, v)
+            wet = sample_linear(water, tx, ty) / np.float32(255)
             level = np.float32(0)
             if wet < 1:
-                level += (1 - wet) * _land_level(texel_H_image, brightness, u, v)
+                level += (1 - wet) * land_level(texel_H_image, brightness, u, v)
             if wet > 0:
                 level += wet * _water_level(surface, u, v, tx, ty)
             image[v, u] = level
@@ -89,11 +91,12 @@ def render_gray(size: tuple[int, int], texel_H_image: Homography, brightness: Gr
 
 
 @lazy_kernel(inline="always")
-def _land_level(texel_H_image: Homography, brightness: Gray, u: int, v: int) -> np.float32:
+def land_level(texel_H_image: Homography, brightness: Gray, u: int, v: int) -> np.float32:
+    """Grey level of the dry ground at pixel (u, v)."""
     total = np.float32(0)
     for dv in (-0.25, 0.25):
         for du in (-0.25, 0.25):
-            tx, ty = _texel(texel_H_image, u + du, v + dv)
+            tx, ty = texel(texel_H_image, u + du, v + dv)
             total += _sample_spline(brightness, tx, ty)
     return total * np.float32(0.25)
 
@@ -120,8 +123,8 @@ class Surface(NamedTuple):
 def _water_level(surface: Surface, u: int, v: int, tx: float, ty: float) -> np.float32:
     """Grey level of the water: two generations of ripples, advected and cross-faded, and sun glint."""
     flow, waves, lives, glint, contrast = surface
-    along = _sample_linear(flow[:, :, 0], tx / COARSE, ty / COARSE)
-    across = _sample_linear(flow[:, :, 1], tx / COARSE, ty / COARSE)
+    along = sample_linear(flow[:, :, 0], tx / COARSE, ty / COARSE)
+    across = sample_linear(flow[:, :, 1], tx / COARSE, ty / COARSE)
     ripple = np.float32(0)
     for k in range(2):
         if lives[k, 1] == 0:
@@ -142,8 +145,8 @@ def water_mask(size: tuple[int, int], texel_H_image: Homography, water: Gray) ->
     mask = np.zeros((size[1], size[0]), np.bool_)
     for v in range(size[1]):
         for u in range(size[0]):
-            tx, ty = _texel(texel_H_image, u, v)
-            mask[v, u] = _sample_linear(water, tx, ty) > 0
+            tx, ty = texel(texel_H_image, u, v)
+            mask[v, u] = sample_linear(water, tx, ty) > 0
     return mask
 
 
@@ -166,11 +169,11 @@ def colored(image: FloatImage, texel_H_image: Homography, tint: NDArray[np.float
     result = np.empty((rows, columns, 3), np.float32)
     for v in range(rows):
         for u in range(columns):
-            tx, ty = _texel(texel_H_image, u, v)
+            tx, ty = texel(texel_H_image, u, v)
             level = image[v, u]
             share = min(max((_COLORLESS - level) / np.float32(80), np.float32(0)), np.float32(1))
             for c in range(3):
-                factor = _sample_linear(tint[:, :, c], tx / COARSE, ty / COARSE) - np.float32(1)
+                factor = sample_linear(tint[:, :, c], tx / COARSE, ty / COARSE) - np.float32(1)
                 result[v, u, c] = level * (np.float32(1) + share * factor)
     return result
 

@@ -20,6 +20,7 @@ from stab_ros.synthetic.textures import Texture, natural_texture, sample_texture
 TexelGrid: TypeAlias = tuple[float, float, float]  # x, y of texel (0, 0) and texel pitch, m
 
 COARSE = 8  # flow and tint are stored for every 8th texel
+BEND_PHASE = 0.6  # of the centre line at x = 0, rad
 _BLUR_TEXELS = 0.85
 _SUN = (-0.6, -0.5)  # direction of the light in the image
 # number in the nominal image; smallest and largest size (shares of the image height) and exponent of the power law
@@ -125,7 +126,7 @@ def depth_m(layout: Layout, shore: Texture, x: float, y: float) -> float:
 @lazy_kernel()
 def centre_line(layout: Layout, x: float) -> float:
     """The y of mid-stream at x, m."""
-    return layout.centre_m + layout.bend_m * math.sin(layout.bend_per_m * x + 0.6)
+    return layout.centre_m + layout.bend_m * math.sin(layout.bend_per_m * x + BEND_PHASE)
 
 
 @lazy_kernel()
@@ -153,7 +154,7 @@ def _fill_water(layout: Layout, place: TexelGrid, shore: Texture, water: Gray, f
             depth = depth_m(layout, shore, x, y0 + i * COARSE * texel)
             from_middle = 1 - min(max(depth / layout.half_width_m, 0.0), 1.0)
             speed = layout.speed_m_s * (1 - from_middle * from_middle)
-            slope = layout.bend_m * layout.bend_per_m * math.cos(layout.bend_per_m * x + 0.6)
+            slope = layout.bend_m * layout.bend_per_m * math.cos(layout.bend_per_m * x + BEND_PHASE)
             flow[i, j, 0] = speed / math.hypot(1.0, slope)
             flow[i, j, 1] = speed * slope / math.hypot(1.0, slope)
 

@@ -14,18 +14,20 @@ Texture: TypeAlias = NDArray[np.float32]  # (TILE, TILE), periodic, mean 0, stan
 TILE = 1024  # a power of two: the kernels wrap by masking
 
 
-def natural_texture(key: list[int], falloff: float, largest_texels: float, stretch: float = 1.0) -> Texture:
+def natural_texture(key: list[int], falloff: float, largest_texels: float, stretch: float = 1.0,
+                    cut: float = 0.3) -> Texture:
     """Noise with the spectrum of natural surfaces, amplitude f^-falloff (Field 1987): (1024, 1024) float32.
 
     Args:
         key: seed.
         falloff: exponent of the amplitude spectrum.
-        largest_texels: wavelength above which the spectrum is constant; the finest wavelength is about three texels.
+        largest_texels: wavelength above which the spectrum is constant.
         stretch: below 1, the pattern is elongated along x; above 1, along y.
+        cut: highest spatial frequency, 1/texel; the finest wavelength is then about three texels.
     """
     fy, fx = np.meshgrid(np.fft.fftfreq(TILE) * stretch, np.fft.rfftfreq(TILE), indexing="ij")
     frequency = np.hypot(fx, fy)
-    amplitude = (frequency + 1.0 / largest_texels) ** -falloff * np.exp(-((frequency / 0.3) ** 4))
+    amplitude = (frequency + 1.0 / largest_texels) ** -falloff * np.exp(-((frequency / cut) ** 4))
     amplitude[0, 0] = 0.0
     noise = np.fft.rfft2(np.random.default_rng(key).standard_normal((TILE, TILE)))
     shaped = np.fft.irfft2(noise * amplitude, s=(TILE, TILE))
