@@ -75,13 +75,14 @@ class Drifters:
         life_s: from birth to end.
         key: seed of all random numbers.
         arm_m: distance over which the deformation is measured.
-        matters: which of the places (N, 2) of birth matter: (N,) bool; None: all.
+        step_s: of the integration of their paths.
+        born_at: which of the places (N, 2) are taken at a time: (N,) bool; None: all.
     """
 
     def __init__(self, field: VelocityField, region: Region, per_m2: float, life_s: float, key: list[int],
-                 arm_m: float, matters: Callable[[FloatArray], BoolArray] | None = None) -> None:
+                 arm_m: float, step_s: float, born_at: Callable[[FloatArray, float], BoolArray] | None = None) -> None:
         self._field, self._region, self._life_s, self._key, self._arm_m = field, region, life_s, key, arm_m
-        self._matters = matters
+        self._step_s, self._born_at = step_s, born_at
         self._in_cohort = 2 * per_m2 * region.area_m2 / COHORTS
         self._alive: dict[int, _Cohort] = {}
 
@@ -100,8 +101,9 @@ class Drifters:
         n = int(self._in_cohort + rng.random())
         places_m, traits = self._spread(rng, n), rng.random((n, _TRAITS))
         number = cohort * 2**32 + np.arange(n, dtype=np.int64)
-        keep = slice(None) if self._matters is None else self._matters(places_m)
-        return _Cohort(self._field, places_m[keep], traits[keep], time_s, self._arm_m, number[keep])
+        keep = slice(None) if self._born_at is None else self._born_at(places_m, time_s)
+        paths = Paths(self._field, _with_arms(places_m[keep], self._arm_m), time_s, self._step_s)
+        return _Cohort(paths, traits[keep], number[keep], time_s, self._arm_m)
 
     def _spread(self, rng: np.random.Generator, n: int) -> FloatArray:
         """Points (n, 2) in the region: Roberts' quasirandom sequence, shifted, and shaken so that no lattice shows."""
@@ -112,17 +114,23 @@ class Drifters:
         return np.asarray(low + (shaken % 1) * (high - low))
 
 
-class _Cohort:
-    """Particles born together, each followed by its centre and two arms."""
+def _with_arms(places_m: FloatArray, arm_m: float) -> FloatArray:
+    """Places (N, 2), and a point to the east and one to the north of each: (3 N, 2)."""
+    return np.asarray(places_m + arm_m * np.array([[[0.0, 0.0]], [[1.0, 0.0]], [[0.0, 1.0]]])).reshape(-1, 2)
 
-    def __init__(self, field: VelocityField, places_m: FloatArray, traits: FloatArray, born_s: float, arm_m: float,
-                 number: IdArray) -> None:
-        self._traits, self._born_s, self._arm_m, self._number = traits, born_s, arm_m, number
-        corners = places_m + arm_m * np.array([[[0.0, 0.0]], [[1.0, 0.0]], [[0.0, 1.0]]])
-        self._paths = Paths(field, corners.reshape(-1, 2), born_s)
+
+@dataclass(frozen=True, eq=False)
+class _Cohort:
+    """N particles born together."""
+
+    paths: Paths
+    traits: FloatArray
+    number: IdArray
+    born_s: float
+    arm_m: float
 
     def at(self, time_s: float, life_s: float) -> Drifting:
-        centre, east, north = self._paths.at(time_s).reshape(3, -1, 2)
-        deformation = np.stack([east - centre, north - centre], axis=2) / self._arm_m
-        weight = math.sin(math.pi * (time_s - self._born_s) / life_s) ** 2
-        return Drifting(centre, deformation, np.full(len(centre), weight), self._traits, self._number)
+        centre, east, north = self.paths.at(time_s).reshape(3, -1, 2)
+        deformation = np.stack([east - centre, north - centre], axis=2) / self.arm_m
+        weight = math.sin(math.pi * (time_s - self.born_s) / life_s) ** 2
+        return Drifting(centre, deformation, np.full(len(centre), weight), self.traits, self.number)

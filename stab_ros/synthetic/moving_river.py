@@ -15,17 +15,18 @@ reflection, the bed. The same arguments give the same bytes on one machine, in a
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from stab_ros.core.geometry import apply, normalized
 from stab_ros.core.types import BoolArray, FloatArray, Homography, Image
-from stab_ros.synthetic.advection import advected
+from stab_ros.synthetic.advection import advected, gradients, strain_rates
 from stab_ros.synthetic.camera_path import Pose, inverse, product, rotation
 from stab_ros.synthetic.cross_section import Bed
-from stab_ros.synthetic.drifters import Drifters, Drifting, Region
+from stab_ros.synthetic.drifters import COHORTS, Drifters, Drifting, Region
 from stab_ros.synthetic.flight import FIRST_STAMP_NS, Flight, Shot
 from stab_ros.synthetic.map_frame import MAP_R_WORLD
 from stab_ros.synthetic.render import FloatImage, add_tracers, colored
@@ -45,7 +46,9 @@ _SHARES = (0.7, 0.7)  # of the finer and the coarser texture; the sum of the squ
 _MOST_STRAIN = 3.5  # a patch that the flow has drawn out so much has faded
 _THINNEST_SIGMA_PX = 0.8  # smaller particles would be aliased
 _GLINT_RAD = 0.16
-_GRID, _TIMES = 48, 16  # samples of the field
+_GRID, _TIMES = 48, 8  # samples of the field
+_LONGEST_LIFE_S, _SHORTEST_LIFE_S, _SHARE_OF_VIEW = 40.0, 1.5, 0.4  # of patches
+_STEP_TURN, _STEP_S = 0.2, (0.02, 0.25)  # share of a turn or stretch by 1 in a step of integration, and its limits
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,16 +142,22 @@ class RiverFlight(Flight):
 
     def _reach_m(self, life_s: float) -> tuple[FloatArray, FloatArray]:
         """How far west and south (2,), and east and north (2,), of what is seen its water can come from in a life."""
-        times = np.linspace(0, self.frames / self.preset.fps, _TIMES)
-        fastest = max(float(np.hypot(*self.field.velocity_m_s(self._region.grid(_GRID), t).T).max()) for t in times)
-        around = self._region.widened(np.full(2, fastest * life_s), np.full(2, fastest * life_s)).grid(2 * _GRID)
-        found = np.array([self.field.velocity_m_s(around, t) for t in times]).reshape(-1, 2) * life_s
+        margin = np.full(2, self._fastest_m_s() * life_s)
+        around = self._region.widened(margin, margin).grid(2 * _GRID)
+        found = np.array([self.field.velocity_m_s(around, t) for t in self._times_s()]).reshape(-1, 2) * life_s
         return np.maximum(found.max(axis=0), 0), np.maximum(-found.min(axis=0), 0)
 
-    def _matters(self, points_m: FloatArray) -> BoolArray:
-        """Whether points (N, 2) may come to be seen as water: they are wet, or the field moves them."""
+    def _fastest_m_s(self) -> float:
+        grid = self._region.grid(_GRID)
+        return max(float(np.hypot(*self.field.velocity_m_s(grid, t).T).max()) for t in self._times_s())
+
+    def _times_s(self) -> FloatArray:
+        return np.linspace(0, self.frames / self.preset.fps, _TIMES)
+
+    def _may_be_seen(self, points_m: FloatArray, time_s: float) -> BoolArray:
+        """Whether points (N, 2) are wet, or the field moves them, so that they may come to be seen as water."""
         wet = self.shore_distance_m(points_m) > -4 * max(self.surface.texture_px) * self.gsd_m
-        return np.asarray(wet | self.field.velocity_m_s(points_m, 0.0).any(axis=1))
+        return np.asarray(wet | self.field.velocity_m_s(points_m, time_s).any(axis=1))
 
     def _current_m_s(self) -> FloatArray:
         """Mean velocity (2,) of the water at frame 0."""
@@ -156,19 +165,48 @@ class RiverFlight(Flight):
         wet = self.shore_distance_m(points) > 0
         return self.field.velocity_m_s(points[wet], 0.0).mean(axis=0) if wet.any() else np.zeros(2)
 
-    def _drifters(self, per_m2: float, life_s: float, key: int, arm_m: float) -> Drifters:
-        low, high = self._reach_m(life_s)
-        region = self._region.widened(low + 2 * arm_m, high + 2 * arm_m)
-        return Drifters(self.field, region, per_m2, life_s, [self.seed, key], arm_m, self._matters)
-
-    def _patches_of(self, layer: int) -> Drifters:
+    def _patches_of(self, layer: int) -> list[Drifters]:
+        """Populations of patches with different lives, each where the strain of the water asks for it."""
         radius_m = self.surface.texture_px[layer] * self.gsd_m
-        return self._drifters(_COVER / (math.pi * radius_m**2), self.surface.texture_life_s, 45 + layer, radius_m / 2)
+        lives = self._lives_s()
+        return [self._drifters(_COVER / (math.pi * radius_m**2), life, [45 + layer, k], radius_m / 2,
+                               partial(self._live_as, k, lives)) for k, life in enumerate(lives)]
+
+    def _lives_s(self) -> FloatArray:
+        """Each half as long as the one before."""
+        longest = self.surface.texture_life_s
+        if longest is None:
+            width_m = self._region.high_m[0] - self._region.low_m[0]
+            longest = min(_LONGEST_LIFE_S, _SHARE_OF_VIEW * width_m / max(self._fastest_m_s(), 1e-9))
+        return np.asarray(longest / 2.0 ** np.arange(max(math.ceil(math.log2(longest / _SHORTEST_LIFE_S)), 0) + 1))
+
+    def _live_as(self, k: int, lives_s: FloatArray, points_m: FloatArray, time_s: float) -> BoolArray:
+        """Whether life `k` is the longest in which the water at points (N, 2) is strained little enough."""
+        strain = strain_rates(gradients(self.field, points_m, time_s, self.gsd_m))
+        longest = np.searchsorted(-lives_s, -1 / np.maximum(strain, 1e-9))
+        return np.asarray(np.minimum(longest, len(lives_s) - 1) == k)
 
     def _scattered(self) -> Drifters:
         per_m2 = self.surface.particles_per_m2
         return self._drifters(self.preset.tracers_per_m2 if per_m2 is None else per_m2,
-                              self.surface.particle_life_s, 44, self.gsd_m)
+                              self.surface.particle_life_s, [44], self.gsd_m)
+
+    def _drifters(self, per_m2: float, life_s: float, key: list[int], arm_m: float,
+                  also: Callable[[FloatArray, float], BoolArray] | None = None) -> Drifters:
+        low, high = self._reach_m(life_s)
+
+        def born_at(points_m: FloatArray, time_s: float) -> BoolArray:
+            seen = self._may_be_seen(points_m, time_s)
+            return seen if also is None else seen & also(points_m, time_s)
+
+        return Drifters(self.field, self._region.widened(low + 2 * arm_m, high + 2 * arm_m), per_m2, life_s,
+                        [self.seed, *key], arm_m, min(self._step_s(), life_s / COHORTS), born_at)
+
+    def _step_s(self) -> float:
+        """Step of the integration, short by the gradients of the field, which are few where they are steep."""
+        found = [gradients(self.field, self._region.grid(_GRID), t, self.gsd_m) for t in self._times_s()]
+        steep = float(np.quantile(np.linalg.norm(found, axis=(2, 3)), 0.998))
+        return min(max(_STEP_TURN / max(steep, 1e-9), _STEP_S[0]), _STEP_S[1])
 
     def _bed_clarity(self) -> FloatImage:
         """Share of the bed that is seen, for every eighth texel of the ground."""
@@ -197,10 +235,11 @@ class RiverFlight(Flight):
         """Grey levels (h, w) of texture and foam."""
         shape = self.size[1], self.size[0]
         levels = np.zeros(shape, np.float32)
-        for k, (drifters, share) in enumerate(zip(self._layers, _SHARES, strict=True)):
+        for k, (populations, share) in enumerate(zip(self._layers, _SHARES, strict=True)):
             total, power, foam = (np.zeros(shape, np.float32) for _ in range(3))
             radius_m = self.surface.texture_px[k] * self.gsd_m
-            draw_patches(self._texture, self._patches_in(index, drifters.at(time_s), radius_m), total, power, foam)
+            for drifters in populations:
+                draw_patches(self._texture, self._patches_in(index, drifters.at(time_s), radius_m), total, power, foam)
             levels += np.float32(self.surface.texture * share) * total / np.sqrt(power + np.float32(_LEAST_POWER))
             if k == len(self._layers) - 1:
                 levels += np.float32(self.surface.foam) * foam

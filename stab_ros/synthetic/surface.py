@@ -26,7 +26,8 @@ class SurfaceSettings:
     Attributes:
         texture: strength of the colours and ripples that drift with the water, as small patches.
         texture_px: radii of the patches of its finer and of its coarser part.
-        texture_life_s: from the appearance of a patch to its end: half of the texture is new after half of this time.
+        texture_life_s: longest life of a patch; None: as long as water takes for 0.4 of what is seen, at most 40 s.
+            Where the flow strains patches, they live as long as they are recognised.
         foam: brightness of foam that drifts in streaks with the coarser part.
         particles_per_m2: density of floating particles; None: that of the scene.
         particle_level: their brightness; each has 0.4 to 1 of it.
@@ -48,7 +49,7 @@ class SurfaceSettings:
 
     texture: float = 9.0
     texture_px: tuple[float, float] = (9.0, 26.0)
-    texture_life_s: float = 2.4
+    texture_life_s: float | None = None
     foam: float = 0.0
     particles_per_m2: float | None = None
     particle_level: float = 100.0
@@ -70,7 +71,7 @@ class SurfaceSettings:
             if not f.name.endswith("_deg") and value is not None and np.min(value) < 0:
                 raise InputError(f"{f.name} of {value}, it must not be negative")
         for name in ("texture_px", "texture_life_s", "particle_px", "particle_life_s", "wave_m", "clear_m"):
-            if np.min(getattr(self, name)) == 0:
+            if getattr(self, name) is not None and np.min(getattr(self, name)) == 0:
                 raise InputError(f"{name} of {getattr(self, name)}, it must be positive")
         if self.particle_px[0] > self.particle_px[1] or self.bed > 1:
             raise InputError(f"particle_px of {self.particle_px} and bed of {self.bed}, they must be ascending and at "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -102,7 +103,7 @@ def test_water_runs_round_an_island() -> None:
 
 def test_paths_do_not_depend_on_what_was_asked_before() -> None:
     field: VelocityField = Sum((ChannelFlow(BENT, 1.5), Eddy((0, 0), 1.0, 1.0)))
-    a, b = (Paths(field, scattered(50), -0.3) for _ in range(2))
+    a, b = (Paths(field, scattered(50), -0.3, 0.05) for _ in range(2))
     far, _, near = a.at(1.934), a.at(2.7), a.at(0.111)
     np.testing.assert_array_equal(b.at(0.111), near)
     np.testing.assert_array_equal(b.at(1.934), far)
@@ -159,7 +160,6 @@ def test_depth_follows_the_shores_of_a_scene() -> None:
     lambda: CrossSection((1, 1), (1, 1), Bed(STRAIGHT, 1.0)), lambda: flow_of(preset("alpine"), "laminar"),
     lambda: section_of(preset("alpine")).surveyed(1),
 ])
-def test_what_is_no_river_is_refused(wrong: object) -> None:
+def test_what_is_no_river_is_refused(wrong: Callable[[], object]) -> None:
     with pytest.raises(InputError, match="must"):
-        assert callable(wrong)
         wrong()
