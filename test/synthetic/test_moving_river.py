@@ -35,6 +35,8 @@ def flooded(scene: SceneSettings) -> SceneSettings:
     return replace(clean(scene), stream=replace(scene.stream, width=9.0), islands=(), control_points=())
 
 
+pytestmark = pytest.mark.slow  # each flight takes a second to be made
+
 KOLUBARA, ALPINE, BASENTO = (preset(name) for name in ("kolubara", "alpine", "basento"))
 
 
@@ -74,7 +76,7 @@ def drift(flight: RiverFlight, index: int, whole_px: tuple[int, int], window: tu
     return shift(before[window], np.roll(after, (-whole_px[1], -whole_px[0]), (0, 1))[window]) + whole_px
 
 
-@pytest.mark.parametrize(("x_px", "y_px"), [(3.37, 0.0), (0.52, -1.81), (-2.25, 0.6)])
+@pytest.mark.parametrize(("x_px", "y_px"), [(3.37, 0.0), (0.52, -1.81)])
 def test_texture_moves_with_a_uniform_flow(x_px: float, y_px: float) -> None:
     scene = flooded(BASENTO)
     per_px = scene.ground_m[0] / SIZE[0] * scene.fps
@@ -85,28 +87,40 @@ def test_texture_moves_with_a_uniform_flow(x_px: float, y_px: float) -> None:
     assert np.abs(np.array(found) - (x_px, y_px)).max() < 0.01
 
 
-@pytest.mark.parametrize("share", [-0.7, -0.3, 0.0, 0.4, 0.7])
-def test_texture_moves_with_the_water_around_it(share: float) -> None:
+def errors_in_shear(seed: int) -> FloatArray:
+    """Errors (5, 2), px, of the displacement in 5 strips along the river, mean of 7 frames, in a parabolic flow."""
     scene = replace(clean(BASENTO), stream=replace(BASENTO.stream, centre=0.5, width=0.9, bend=0.0), control_points=())
-    flight = RiverFlight(scene, surface=replace(BLANK, texture=12.0), size=SIZE, frames=8, seed=5)
-    row = round((0.5 - share * 0.45) * SIZE[1])
-    gsd_m = scene.ground_m[0] / SIZE[0]
-    north_m = (SIZE[1] / 2 - 0.5 - np.arange(row - 8, row + 8)) * gsd_m
-    weight = np.hanning(16) ** 2
-    velocity = flight.velocity_m_s(np.column_stack([np.zeros(16), north_m]), flight.stamp_ns(0))[:, 0]
-    truth = np.average(velocity, weights=weight) / scene.fps / gsd_m
-    found = np.mean([drift(flight, k, (0, 0), np.s_[row - 8:row + 8, 10:-10]) for k in range(7)], axis=0)
-    assert found[0] == pytest.approx(truth, abs=0.012)
-    assert found[1] == pytest.approx(0, abs=0.02)
+    flight = RiverFlight(scene, surface=replace(BLANK, texture=12.0), size=SIZE, frames=8, seed=seed)
+    errors = []
+    for share in (-0.7, -0.3, 0.0, 0.4, 0.7):
+        row = round((0.5 - share * 0.45) * SIZE[1])
+        north_m = (SIZE[1] / 2 - 0.5 - np.arange(row - 12, row + 12)) * flight.gsd_m
+        velocity = flight.velocity_m_s(np.column_stack([np.zeros(24), north_m]), flight.stamp_ns(0))[:, 0]
+        truth = np.average(velocity, weights=hann(24, 0.0) ** 2) / scene.fps / flight.gsd_m
+        found = [drift(flight, k, (0, 0), np.s_[row - 12:row + 12, 10:-10]) for k in range(7)]
+        errors.append(np.mean(found, axis=0) - (truth, 0))
+    return np.array(errors)
+
+
+def test_texture_moves_with_the_water_around_it() -> None:
+    # of 0.28 to 0.56 px each frame; the rest is that patches are renewed as fast as shear tears them
+    assert np.abs(errors_in_shear(5)).max() < 0.02
+
+
+@pytest.mark.thorough
+def test_renewal_of_the_texture_has_no_direction() -> None:
+    errors = np.array([errors_in_shear(seed) for seed in range(12)])
+    assert np.abs(errors.mean(axis=(0, 1))).max() < 0.003
+    assert np.abs(errors.mean(axis=0)).max() < 0.012
 
 
 def centroids(image: Image, near_px: FloatArray) -> FloatArray:
-    """Centres (N, 2) of bright spots by the moments of what exceeds the water, within 6 px."""
+    """Centres (N, 2) of bright spots by the moments of what exceeds the water, within 5 px."""
     found = []
     for x, y in near_px:
-        left, top = round(x) - 6, round(y) - 6
-        part = image[top:top + 13, left:left + 13].astype(float) - 78
-        v, u = np.mgrid[top:top + 13, left:left + 13]
+        left, top = round(x) - 5, round(y) - 5
+        part = image[top:top + 11, left:left + 11].astype(float) - 78
+        v, u = np.mgrid[top:top + 11, left:left + 11]
         found.append(((u * part).sum() / part.sum(), (v * part).sum() / part.sum()))
     return np.array(found)
 
@@ -114,7 +128,7 @@ def centroids(image: Image, near_px: FloatArray) -> FloatArray:
 @pytest.mark.parametrize("kind", ["parabolic", "eddy", "unsteady"])
 def test_particles_are_where_the_field_carried_them(kind: str) -> None:
     scene = replace(flooded(BASENTO), motion=BASENTO.motion)
-    surface = replace(BLANK, particles_per_m2=1.2, particle_level=150.0, particle_px=(3.5, 5.0))
+    surface = replace(BLANK, particles_per_m2=0.7, particle_level=150.0, particle_px=(3.5, 4.5))
     flight = RiverFlight(scene, flow_of(BASENTO, kind), surface, SIZE, 20, seed=2)
     start, end = flight.particles_m(flight.stamp_ns(0)), flight.particles_m(flight.stamp_ns(19))
     _, i, j = np.intersect1d(start[:, 3], end[:, 3], return_indices=True)
@@ -123,7 +137,7 @@ def test_particles_are_where_the_field_carried_them(kind: str) -> None:
     map_H_image, image = flight.map_H_image(19), flight[19].image
     seen = apply(np.linalg.inv(map_H_image), drifted)
     gaps = np.linalg.norm(apply(np.linalg.inv(map_H_image), end[:, :2])[:, None] - seen, axis=2)
-    alone = (np.sort(gaps, axis=0)[1] > 18) & (end[j, 2] > 30)
+    alone = (np.sort(gaps, axis=0)[1] > 13) & (end[j, 2] > 30)
     inside = np.all((seen > 8) & (seen < np.array(SIZE) - 9), axis=1) & alone
     assert inside.sum() >= 10
     errors = centroids(image, seen[inside]) - seen[inside]
@@ -217,8 +231,7 @@ def test_texture_is_as_strong_as_asked_for_and_everywhere() -> None:
 
 
 def test_frames_do_not_depend_on_the_order_they_are_asked_for() -> None:
-    scene = preset("alpine")
-    a, b = (RiverFlight(scene, flow_of(scene, "unsteady"), DISTURBED, SIZE, n, seed=4) for n in (9, 9))
+    a, b = (RiverFlight(BASENTO, flow_of(BASENTO, "unsteady"), DISTURBED, SIZE, 9, seed=4) for _ in range(2))
     late, early = a[8], a[1]
     np.testing.assert_array_equal(b[1].image, early.image)
     np.testing.assert_array_equal(b[8].image, late.image)
@@ -244,8 +257,8 @@ def test_the_shore_is_where_it_is_seen() -> None:
     v, u = np.mgrid[0:SIZE[1], 0:SIZE[0]].reshape(2, -1)
     distance = flight.shore_distance_m(apply(flight.map_H_image(0), np.column_stack([u, v]).astype(float)))
     seen = flight.water.ravel()
-    assert (distance[seen] > -0.4).all()
-    assert (distance[~seen] < 0).all()
+    assert distance[~seen].max() < 0
+    assert distance[seen].min() > -2.5 * flight.gsd_m
 
 
 def test_colour_pictures_show_the_same_river() -> None:
