@@ -78,7 +78,7 @@ class SurfaceSettings:
                              "most 1")
 
 
-DISTURBED = SurfaceSettings(foam=30.0, waves=5.0, standing_waves=8.0, glint=55.0, bed=0.7)
+DISTURBED = SurfaceSettings(foam=14.0, waves=4.0, standing_waves=14.0, glint=70.0, bed=0.9, clear_m=0.6)
 PRESETS = {"calm": SurfaceSettings(), "disturbed": DISTURBED}
 
 

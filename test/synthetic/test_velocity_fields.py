@@ -68,11 +68,12 @@ def test_a_path_in_a_channel_keeps_its_place_between_the_banks() -> None:
 
 def test_water_in_an_eddy_goes_round() -> None:
     eddy, start = Eddy((1.0, -2.0), 1.5, 0.7), scattered(100)
-    off = start - (1.0, -2.0)
+    centre = np.array([1.0, -2.0])
+    off = start - centre
     turn = 0.7 * np.exp((1 - np.sum(off**2, axis=1) / 1.5**2) / 2) / 1.5 * 4.0
     turned = np.column_stack([off[:, 0] * np.cos(turn) - off[:, 1] * np.sin(turn),
                               off[:, 0] * np.sin(turn) + off[:, 1] * np.cos(turn)])
-    np.testing.assert_allclose(advected(eddy, start, 1.0, 5.0), turned + (1.0, -2.0), atol=1e-8)
+    np.testing.assert_allclose(advected(eddy, start, 1.0, 5.0), turned + centre, atol=1e-8)
 
 
 def test_an_eddy_is_fastest_at_its_radius() -> None:
