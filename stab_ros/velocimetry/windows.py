@@ -183,7 +183,7 @@ def _see(gray: Gray, places: FloatArray, chosen: IdArray, radius: int, template:
                 s += values[y, x]
                 s2 += values[y, x] * values[y, x]
                 st += values[y, x] * template[p, y, x]
-            total, square, along = total + s, square + s2, along + st
+            total, square, along = total + float(s), square + float(s2), along + float(st)
         variance = square - total * total / count
         if variance <= 0 or along <= 0:
             continue
