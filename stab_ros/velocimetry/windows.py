@@ -90,9 +90,13 @@ def cut_windows(gray: Gray, centres_px: FloatArray, radius: int) -> Windows:
     windows = Windows(radius, np.empty((n, side, side), np.float32), np.empty(n),
                       np.empty((2, n, side, side), np.float32), np.empty((n, PARAMETERS)), np.empty((n, PARAMETERS)),
                       np.empty((n, PARAMETERS, PARAMETERS)), np.empty((n, PARAMETERS, PARAMETERS)))
-    for first in range(0, n, _CHUNK):
-        some = np.arange(first, min(first + _CHUNK, n))
-        windows.put(some, _cut(gray, centres_px[some], radius))
+
+    def chunks(first: int, last: int) -> None:
+        for start in range(first * _CHUNK, min(last * _CHUNK, n), _CHUNK):
+            some = np.arange(start, min(start + _CHUNK, n))
+            windows.put(some, _cut(gray, centres_px[some], radius))
+
+    in_parallel(chunks, -(-n // _CHUNK), least=1)
     return windows
 
 
