@@ -1,6 +1,6 @@
 """Errors, coverage and time of lspiv and stiv on rendered textures, beside OpenPIV on the same frames.
 
-    PYTHONPATH=.:test/helpers .venv/bin/python bench/velocimetry/methods.py [--openpiv PYTHON] [--seeds 3]
+    PYTHONPATH=.:test/helpers .venv/bin/python bench/velocimetry/lspiv_stiv.py [--openpiv PYTHON] [--seeds 3]
 
 PYTHON: that of an environment in which OpenPIV (GPL-3) is installed; it runs as a process of its own.
 """
@@ -74,7 +74,7 @@ def theirs(python: str, scene: MovingTexture, frames: Sequence[PlacedFrame]) -> 
     with tempfile.TemporaryDirectory() as folder:
         given, answered = Path(folder) / "frames.npz", Path(folder) / "found.npz"
         np.savez(given, frames=np.stack([frame.gray for frame in frames]), gap=gap, window=WINDOW_PX)
-        script = Path(__file__).with_name("of_openpiv.py")
+        script = Path(__file__).with_name("lspiv_openpiv.py")
         subprocess.run([python, str(script), str(given), str(answered)], check=True, env={}, capture_output=True)
         found = np.load(answered)
         y, u, v = (found[name].ravel() for name in "yuv")
