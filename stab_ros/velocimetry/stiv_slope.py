@@ -31,6 +31,7 @@ _STRIPES = 12  # number of independent columns that is aimed at
 _NARROWEST_PX = 8  # of a column
 _END_PX = 8  # of the line on each side, which the band-pass blurs
 _STANDING = 2.3  # sizes of the pattern on its way, at which all is lost with what stands; found on rendered textures
+_LEAST_WAY = 5.0  # of a pattern, in its sizes: below, too much of it is taken for standing
 _LOW_PASS_PX, _HIGH_PASS_PX = 1.0, 16.0  # standard deviations of Gaussians
 
 
@@ -157,7 +158,7 @@ def _refined(spectra: _Spectra, velocity: float, longest: int, most_px_s: float)
 
 def _measured(spectra: _Spectra, velocity: float, longest: int) -> Slope | None:
     sums = _summed(spectra, velocity, longest)
-    if sums is None:
+    if sums is None or abs(velocity) * float(np.ptp(spectra.time_s)) < _LEAST_WAY * sums.size_px:
         return None
     step = float(sums.slope.sum() / sums.curve.sum())
     pull = sums.slope - step * sums.curve
