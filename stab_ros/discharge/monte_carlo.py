@@ -7,7 +7,7 @@ out over the verticals, and those of single verticals do.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -117,7 +117,7 @@ def sources(measured: Measured, velocity_m_s: FloatArray, noise: Noise, config: 
     return {name: float(discharges(measured, velocity_m_s, noise.only(name), config).std()) for name in SOURCES}
 
 
-def interval(drawn_m3_s: FloatArray, levels: Sequence[float] = (0.025, 0.975)) -> tuple[float, float]:
+def interval(drawn_m3_s: FloatArray) -> tuple[float, float]:
     """The bounds between which 95 % of the draws lie, m3/s."""
-    low, high = np.quantile(drawn_m3_s, levels)
+    low, high = np.quantile(drawn_m3_s, (0.025, 0.975))
     return float(low), float(high)
