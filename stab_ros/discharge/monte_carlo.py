@@ -98,7 +98,7 @@ def _away(measured: Measured) -> FloatArray:
 def _side(measured: Measured) -> IdArray:
     """(N,), 0 or 1 for what lies before or after the middle of the measured verticals: each errs as a whole."""
     known = measured.chainage_m[measured.known]
-    return (measured.chainage_m > (known[0] + known[-1]) / 2).astype(np.int64)
+    return np.asarray(measured.chainage_m > (known[0] + known[-1]) / 2, np.int64)
 
 
 def _filled(measured: Measured, depth_m: FloatArray, velocity_m_s: FloatArray, methods: IdArray) -> FloatArray:
