@@ -35,6 +35,7 @@ class Noise:
         shared_m_s: (N, K), change of the velocities by one standard deviation of each shared error.
         filling: of filled velocities, relative, for each width of the river that they lie away from measured ones;
             above 0, the way of filling is drawn too.
+        verticals: of the discharge, relative, by the number of verticals.
     """
 
     alpha: float
@@ -43,17 +44,18 @@ class Noise:
     velocity_m_s: FloatArray
     shared_m_s: FloatArray
     filling: float
+    verticals: float
 
     def only(self, source: str) -> Noise:
         """That of one source of SOURCES alone."""
         keep = SOURCES[source]
-        quiet = Noise(0.0, 0.0, 0.0, np.zeros_like(self.velocity_m_s), np.zeros_like(self.shared_m_s), 0.0)
+        quiet = Noise(0.0, 0.0, 0.0, np.zeros_like(self.velocity_m_s), np.zeros_like(self.shared_m_s), 0.0, 0.0)
         return replace(quiet, **{keep: getattr(self, keep)})
 
 
 SOURCES: Mapping[str, str] = MappingProxyType({  # name in results: field of Noise
     "alpha": "alpha", "water level": "wse_m", "bed": "bed_m", "vectors": "velocity_m_s", "shared": "shared_m_s",
-    "filling": "filling"})
+    "filling": "filling", "verticals": "verticals"})
 
 
 def discharges(measured: Measured, velocity_m_s: FloatArray, noise: Noise, config: DischargeConfig) -> FloatArray:
@@ -75,7 +77,8 @@ def discharges(measured: Measured, velocity_m_s: FloatArray, noise: Noise, confi
     surface = velocity_m_s + common + rng.normal(size=shape) * noise.velocity_m_s
     filled = _filled(measured, depth, surface, _methods(config, noise, rng))
     filled = filled * (1 + noise.filling * _away(measured) * rng.normal(size=(shape[0], 2))[:, _side(measured)])
-    return np.asarray(INTEGRATIONS[config.integration](measured.chainage_m, depth, alpha * filled).sum(axis=1))
+    total = INTEGRATIONS[config.integration](measured.chainage_m, depth, alpha * filled).sum(axis=1)
+    return np.asarray(total * rng.normal(1.0, noise.verticals, shape[0]))
 
 
 def _methods(config: DischargeConfig, noise: Noise, rng: np.random.Generator) -> IdArray:
