@@ -21,7 +21,8 @@ def test_text_and_file_are_the_same(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", [
-    "[]", "[[0, 0], [1, 1]]", "[[[0, 0], [0, 0]]]", "[[[0, 0], [1, NaN]]]", '[[["a", 0], [1, 1]]]', "[[[0, 0]", "none.json",
+    "[]", "[[0, 0], [1, 1]]", "[[[0, 0], [0, 0]]]", "[[[0, 0], [1, NaN]]]", '[[["a", 0], [1, 1]]]', "[[[0, 0]",
+    "none.json",
 ])
 def test_what_is_no_line_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="lines: "):
