@@ -53,6 +53,6 @@ class PlaneMask:
         """(N,) bool: which places (N, 2) belong to it."""
         at = apply(self.mask_H_plane, places_m)
         at = np.where(np.isfinite(at), np.round(at), -1).astype(np.int64)
-        inside = ((at >= 0) & (at < self.mask.shape[::-1])).all(axis=1)
+        inside = np.asarray(((at >= 0) & (at < self.mask.shape[::-1])).all(axis=1))
         at = np.where(inside[:, None], at, 0)
         return np.asarray(inside & self.mask[at[:, 1], at[:, 0]])

@@ -51,14 +51,14 @@ class VelocityConfig(Checked):
         "template", "How features are followed: klt (from frame to frame, errors may add up) or template (predicted, "
         "and compared with how they first looked)", choices=FOLLOW)
     min_correlation: float = setting(
-        0.75, "With follow template: smallest correlation with how the feature looked first; below, it is followed by "
+        0.6, "With follow template: smallest correlation with how the feature looked first; below, it is followed by "
         "how it looked last", 0.1, 0.99)
     shear_s: float = setting(
         0.5, "With follow template: standard deviation of velocity gradients of the water in 1/s, by which windows are "
         "expected to deform", 0.0, 100.0)
     time_sigma_s: float = setting(0.0, "Standard deviation of the stamp of a frame in seconds", 0.0, 1.0)
     min_track: float = setting(
-        0.5, "Shortest track, as a share of extract_s; 1: only features that are seen to the end of the interval",
+        0.2, "Shortest track, as a share of extract_s; 1: only features that are seen to the end of the interval",
         0.01, 1.0)
     steadiness: float = setting(
         0.5, "Largest change of velocity within a track, between thirds of it, as a share of its speed (plus what the "

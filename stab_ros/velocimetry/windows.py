@@ -167,7 +167,7 @@ def _see(gray: Gray, places: FloatArray, chosen: IdArray, radius: int, template:
     height, width = gray.shape
     side = 2 * radius + 1
     count = side * side
-    values, raw = np.empty((side, side), np.float32), np.empty(12)
+    values, raw, levels = np.empty((side, side), np.float32), np.empty(12), np.empty((side // 3, side // 3))
     for i in range(len(chosen)):
         p, at = chosen[i], places[i]
         reach_x, reach_y = np.sum(np.abs(at[0, 1:])), np.sum(np.abs(at[1, 1:]))
@@ -183,33 +183,41 @@ def _see(gray: Gray, places: FloatArray, chosen: IdArray, radius: int, template:
                 s += values[y, x]
                 s2 += values[y, x] * values[y, x]
                 st += values[y, x] * template[p, y, x]
-            total, square, along = total + s, square + s2, along + st
+            total, square, along = total + float(s), square + float(s2), along + float(st)
         variance = square - total * total / count
         if variance <= 0 or along <= 0:
             continue
         gain[i] = along / power[p]
         correlation[i] = along / np.sqrt(variance * power[p])
-        noise[i] = _low_noise(values, template[p], total / count, gain[i]) / gain[i] ** 2
+        noise[i] = _low_noise(values, template[p], total / count, gain[i], levels) / gain[i] ** 2
         for k in range(12):
             products[i, k] = (raw[k] - constant[p, k] * total - likeness[p, k] * along) / gain[i]
 
 
 @inlined(fastmath=True)
-def _low_noise(values: FloatArray, template: FloatArray, mean: float, gain: float) -> float:
-    """Variance of white noise that has the power of the residuals at wavelengths above a few px.
+def _low_noise(values: FloatArray, template: FloatArray, mean: float, gain: float, levels: FloatArray) -> float:
+    """Variance of white noise that has the power of the residuals at the wavelengths of the filters.
 
-    By means over blocks of 3x3 px. At short wavelengths interpolation takes noise away, to which the smooth filters do
-    not respond, and what has changed in the texture of the water lies at long ones.
+    By means over blocks of 3x3 px: at short wavelengths interpolation takes noise away, to which the smooth filters do
+    not respond. What has changed in the texture of the water is correlated between blocks, which adds to its power.
+    levels: (blocks, blocks), is overwritten.
     """
-    blocks, total = len(values) // 3, 0.0
+    blocks, power, alike = len(levels), 0.0, 0.0
     for i in range(blocks):
         for j in range(blocks):
             level = np.float32(0)
             for y in range(3 * i, 3 * i + 3):
                 for x in range(3 * j, 3 * j + 3):
                     level += values[y, x] - np.float32(mean) - np.float32(gain) * template[y, x]
-            total += level * level / 9
-    return total / max(blocks * blocks - 14, 1) + 1 / 12
+            levels[i, j] = level / 3
+            power += levels[i, j] * levels[i, j]
+            if i > 0:
+                alike += levels[i, j] * levels[i - 1, j]
+            if j > 0:
+                alike += levels[i, j] * levels[i, j - 1]
+    neighbours = 2 * blocks * (blocks - 1)
+    correlation = max(alike / neighbours * blocks * blocks / max(power, 1e-9), 0.0)
+    return power / max(blocks * blocks - 14, 1) * (1 + 2 * correlation) + 1 / 12
 
 
 @inlined(fastmath=True)
