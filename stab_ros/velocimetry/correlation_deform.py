@@ -1,9 +1,9 @@
 """Pictures drawn along a field of displacements, for correlation: window deformation of particle image velocimetry.
 
 Scarano (2002): both pictures of a pair are drawn half of the displacement back or forth, so that they show the same
-also where the water shears. Interpolation is by cubic B-splines (Unser, Aldroubi and Eden 1991): cubic convolution moves
-fine texture too little, by a sixteenth of the way, and OpenCV's tables have steps of 1/32 px; both are errors of the
-same sign all over a window.
+also where the water shears. Interpolation is by cubic B-splines (Unser, Aldroubi and Eden 1991): cubic convolution
+moves fine texture too little, by a sixteenth of the way, and OpenCV's tables have steps of 1/32 px; both are errors of
+the same sign all over a window.
 """
 
 from __future__ import annotations

@@ -75,7 +75,7 @@ def searched(pictures: Sequence[Gray], pairs: IdArray, centres_px: FloatArray, s
     planes = np.zeros((len(centres_px), 2 * reach_px + 1, 2 * reach_px + 1), np.float32)
     corners = np.round(centres_px - (side_px - 1) / 2).astype(np.int64)
     for a, b in pairs.tolist():
-        first, second = (cv2.copyMakeBorder(band_passed(pictures[k], side_px), *[reach_px] * 4, cv2.BORDER_CONSTANT)
+        first, second = (np.pad(band_passed(pictures[k], side_px), reach_px)
                          for k in (a, b))
         _add_planes(planes, first, second, corners, side_px)
     return _peaks(planes / len(pairs))

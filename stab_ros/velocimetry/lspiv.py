@@ -3,7 +3,8 @@
 Fujita, Muste and Kruger (1998); ensemble correlation for rivers by Strelnikova et al. (2020). All pictures of an
 interval are mapped to one grid of the plane, lens included. Their correlations are averaged over the pairs of the
 interval before the peak is sought, first over a wide area, then in pictures drawn along what was found, with growing
-time between the pictures of a pair: an error of a hundredth of a pixel matters less the farther the texture went.
+time between the pictures of a pair: an error of a hundredth of a pixel matters less the farther the texture went, as
+long as it is still the same. Of each window that time counts by which its variance is the smallest.
 """
 
 from __future__ import annotations
@@ -26,12 +27,13 @@ from stab_ros.velocimetry.lspiv_plane import Plane, PlanePictures, in_polygons
 from stab_ros.velocimetry.placed_frame import PlacedFrame
 from stab_ros.velocimetry.shared_errors import ErrorModel, Measured, PlaneErrors
 from stab_ros.velocimetry.vectors import Unit, Vectors
+from stab_ros.velocimetry.vectors_join import joined
 
 _MOST_FRAMES = 128  # of an interval that are kept; of more, every second is let go
-_SEARCH_PAIRS = 6
+_SEARCH_PAIRS = 8
 _SCATTER_DOF = 2.0 * (BLOCKS**2 - 1) / 2  # of a window's covariance; neighbouring blocks share texture
 _LONGER = 4  # times the time between the pictures of a pair, from pass to pass
-_FAST = 0.9  # quantile of the displacements that counts for the time between pictures
+_REACH = 0.75  # half sides of what must be seen about a window, in sides: windows move by a quarter either way
 _LARGEST_STEP_PX = 0.5  # of the last pass: a larger one has found another peak
 
 
@@ -114,15 +116,15 @@ class Lspiv:
         return vectors
 
     def _windows(self, frame: PlacedFrame) -> _Windows:
-        plane = Plane.seen_by(frame, self._unit, self._config.resolution_m, self._water)
+        reach_px = _REACH * self._config.window_px + self._config.window_px / 2
+        plane = Plane.seen_by(frame, self._unit, self._config.resolution_m, self._water, reach_px)
         return _Windows(self._config, plane, self._water)
 
     def _vectors(self) -> Vectors | None:
         if self._interval is None or len(self._interval.pictures) < 3:
             return None
-        vectors = self._interval.measured(self._config, self._unit, self._next_id)
-        self._next_id += len(vectors)
-        return vectors
+        first_id, self._next_id = self._next_id, self._next_id + len(self._interval.windows.centres_px)
+        return self._interval.measured(self._config, self._unit, first_id)
 
 
 class _Windows:
@@ -181,18 +183,19 @@ class _Interval:
         windows = self.windows
         self.pictures.append(windows.pictures.make(frame))
         self.stamps_ns.append(frame.stamp_ns)
-        self.seen.append(windows.pictures.shows(frame, windows.centres_px, 0.75 * windows.side_px))
+        self.seen.append(windows.pictures.shows(frame, windows.centres_px, _REACH * windows.side_px))
         self.errors.append(windows.errors.of(frame))
 
-    def measured(self, config: LspivConfig, unit: Unit, first_id: int) -> Vectors:
-        """The vectors of all windows that are seen in each frame and have a clear peak."""
+    def measured(self, config: LspivConfig, unit: Unit, first_id: int) -> Vectors | None:
+        """The vectors of all windows that are seen in each frame and have a clear peak; None: there are none."""
         usable = np.logical_and.reduce([*self.seen, self.windows.on_water])
         found = _Search(config, self.pictures, np.array(self.stamps_ns), self.windows, usable).run()
-        return self._as_vectors(config, unit, found, first_id)
+        parts = [self._as_vectors(config, unit, part, first_id) for part in found if len(part.at)]
+        return joined(parts) if parts else None
 
     def _as_vectors(self, config: LspivConfig, unit: Unit, found: _Found, first_id: int) -> Vectors:
         plane = self.windows.plane
-        velocity, middle = plane.velocity(found.velocity_px_s), plane.to_plane(found.centres_px)
+        velocity, middle = plane.velocity(found.velocity_px_s), plane.to_plane(self.windows.centres_px[found.at])
         turn = plane.plane_H_grid[:2, :2]
         half = velocity * found.dt_s.mean() / 2
         measured = Measured(found.pairs, np.full(len(found.pairs), 1 / len(found.pairs)), found.dt_s,
@@ -200,19 +203,31 @@ class _Interval:
         shared = self.windows.errors.columns(self.errors, measured, velocity, config.clock_sigma, config.stamp_sigma_s)
         way = velocity * (self.stamps_ns[-1] - self.stamps_ns[0]) * 1e-9 / 2
         count = len(velocity)
-        return Vectors(middle - way, middle + way, np.full(count, self.stamps_ns[0]), np.full(count, self.stamps_ns[-1]),
-                       turn @ found.covariance_px2_s2 @ turn.T, shared, first_id + np.arange(count), unit)
+        starts_ns, ends_ns = (np.full(count, stamp_ns) for stamp_ns in (self.stamps_ns[0], self.stamps_ns[-1]))
+        return Vectors(middle - way, middle + way, starts_ns, ends_ns,
+                       turn @ found.covariance_px2_s2 @ turn.T, shared, first_id + found.at, unit)
 
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """centres_px (N, 2), velocity_px_s (N, 2), covariance_px2_s2 (N, 2, 2), of pairs (P, 2) that are dt_s (P,) apart."""
+    """velocity_px_s (N, 2) of windows at (N,), its covariance (N, 2, 2), by pairs (P, 2) that are dt_s (P,) apart."""
 
-    centres_px: FloatArray
+    at: IdArray
     velocity_px_s: FloatArray
     covariance_px2_s2: FloatArray
     pairs: IdArray
     dt_s: FloatArray
+
+    def part(self, keep: BoolArray) -> _Found:
+        return _Found(self.at[keep], self.velocity_px_s[keep], self.covariance_px2_s2[keep], self.pairs, self.dt_s)
+
+
+def _best(found: Sequence[_Found], count: int) -> list[_Found]:
+    """Each of `count` windows only where its variance is the smallest."""
+    variance = np.full((len(found), count), np.inf)
+    for row, one in zip(variance, found, strict=True):
+        row[one.at] = np.trace(one.covariance_px2_s2, axis1=1, axis2=2)
+    return [one.part(variance.argmin(axis=0)[one.at] == k) for k, one in enumerate(found)]
 
 
 class _Search:
@@ -225,13 +240,19 @@ class _Search:
         self._frame_s = float(np.median(np.diff(self._time_s)))
         self._ensemble = Ensemble(pictures, windows.side_px)
 
-    def run(self) -> _Found:
+    def run(self) -> list[_Found]:
+        """What each time between the pictures of a pair measures best: a window is in one of them at most."""
         velocity, clear, gap = self._first()
-        last = self._last_gap(velocity[clear])
-        while gap < last:
-            gap = min(_LONGER * gap, last)
+        found: list[_Found] = []
+        while clear.any():
             velocity = self._pass(velocity, clear, gap)
-        return self._measured(self._pass(velocity, clear, last), clear, last)
+            found.append(self._measured(velocity, clear, gap))
+            velocity[found[-1].at] = found[-1].velocity_px_s
+            if gap == self._longest_gap:
+                break
+            gap = min(_LONGER * gap, self._longest_gap)
+            clear = clear & (np.hypot(*velocity.T) * gap * self._frame_s <= self._windows.side_px / 2)
+        return _best(found, len(self._usable))
 
     def _first(self) -> tuple[FloatArray, BoolArray, int]:
         """Velocities (N, 2) by the wide search, which are clear (N,), and the frames between two pictures."""
@@ -252,7 +273,7 @@ class _Search:
         pairs = self._pairs(gap, _SEARCH_PAIRS)
         expected, blocks = self._correlated(velocity, clear, pairs)
         step = gaussian_peak(self._windows.parts(blocks).sum(axis=1))
-        return expected + np.nan_to_num(step) / self._dt_s(pairs).mean()
+        return np.asarray(expected + np.nan_to_num(step) / self._dt_s(pairs).mean())
 
     def _measured(self, velocity: FloatArray, clear: BoolArray, gap: int) -> _Found:
         pairs = self._pairs(gap, self._config.pairs)
@@ -267,7 +288,7 @@ class _Search:
         measured = expected + step / mean_s
         covariance = moderated(scatter_px2(parts[good]), sharpness_px2(near[good]), _SCATTER_DOF) / mean_s**2
         covariance *= self._variance_factor(measured, good, covariance)
-        return _Found(self._windows.centres_px[good], measured[good], covariance, pairs, dt_s)
+        return _Found(np.flatnonzero(good), measured[good], covariance, pairs, dt_s)
 
     def _variance_factor(self, velocity: FloatArray, good: BoolArray, covariance: FloatArray) -> float:
         shape = (*self._windows.shape, 2)
@@ -283,13 +304,6 @@ class _Search:
         blocks = [self._ensemble.blocks((a, b), dt_s * field, first_px, windows.step_px)
                   for (a, b), dt_s in zip(pairs.tolist(), self._dt_s(pairs).tolist(), strict=True)]
         return window_mean(field, self._config.windows_per_side).reshape(-1, 2), np.mean(blocks, axis=0)
-
-    def _last_gap(self, velocity: FloatArray) -> int:
-        """Frames between the pictures of a pair: as many as let fast windows go a quarter of their side."""
-        if not len(velocity):
-            return 1
-        frame_px = float(np.quantile(np.hypot(*velocity.T), _FAST)) * self._frame_s
-        return min(max(int(self._windows.side_px / 4 / max(frame_px, 1e-6)), 1), self._longest_gap)
 
     @property
     def _longest_gap(self) -> int:

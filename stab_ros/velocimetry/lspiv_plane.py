@@ -35,7 +35,8 @@ class Plane:
     plane_H_grid: Homography
 
     @staticmethod
-    def seen_by(frame: PlacedFrame, unit: Unit, resolution: float, water: Sequence[FloatArray]) -> Plane:
+    def seen_by(frame: PlacedFrame, unit: Unit, resolution: float, water: Sequence[FloatArray],
+                margin_px: float) -> Plane:
         """The grid that covers what a frame shows well of the plane.
 
         Args:
@@ -44,6 +45,7 @@ class Plane:
             resolution: side of a pixel of the grid; 0: the median ground sampling distance, coarser for a grid of more
                 than `MOST_PIXELS`.
             water: polygons (n, 2) on the plane, which bound the grid; none: all is covered.
+            margin_px: width by which the grid exceeds them.
 
         Raises:
             InputError: the frame shows nothing of the plane, or nothing within the polygons.
@@ -54,9 +56,9 @@ class Plane:
         if not len(pixels):
             raise InputError("the frame shows nothing of the water plane, check its homography")
         outline = apply(H, pixels)
-        wanted = _within(outline, [apply(up, polygon) for polygon in water])
-        side = resolution or max(float(np.median(gsd_m(H, pixels))), _coarse_enough(wanted))
-        grid = OrthoGrid.covering(wanted, side)
+        polygons = [apply(up, polygon) for polygon in water]
+        side = resolution or max(float(np.median(gsd_m(H, pixels))), _coarse_enough(_within(outline, polygons, 0.0)))
+        grid = OrthoGrid.covering(_within(outline, polygons, margin_px * side), side)
         return Plane(grid, up @ grid.map_H_ortho)
 
     def to_plane(self, pixels: FloatArray) -> FloatArray:
@@ -106,12 +108,12 @@ def _taken(frame: PlacedFrame, pixels: FloatArray) -> BoolArray:
     return inside(seen - 1, (camera.size[0] - 2, camera.size[1] - 2))  # NaN compares false
 
 
-def _within(outline: FloatArray, polygons: Sequence[FloatArray]) -> FloatArray:
-    """Corners of the box that holds the outline, and no more than the polygons."""
+def _within(outline: FloatArray, polygons: Sequence[FloatArray], margin: float) -> FloatArray:
+    """Corners of the box that holds the outline, and of that no more than the polygons with a margin."""
     low, high = outline.min(axis=0), outline.max(axis=0)
     if polygons:
         corners = np.concatenate(polygons)
-        low, high = np.maximum(low, corners.min(axis=0)), np.minimum(high, corners.max(axis=0))
+        low, high = np.maximum(low, corners.min(axis=0) - margin), np.minimum(high, corners.max(axis=0) + margin)
     if not (low < high).all():
         raise InputError("the polygons of the water lie outside what the first frame shows, check their coordinates")
     return np.stack([low, high])

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stab_ros.core.geometry import apply, jacobian, normalized, product_jacobians
-from stab_ros.core.types import FloatArray, Homography
+from stab_ros.core.types import FloatArray, Homography, IdArray
 from stab_ros.velocimetry.placed_frame import PlacedFrame
 
 
@@ -42,7 +42,7 @@ class Measured:
         later: (N, 2) in the second.
     """
 
-    pairs: FloatArray
+    pairs: IdArray
     weights: FloatArray
     dt_s: FloatArray
     earlier: FloatArray

@@ -21,6 +21,7 @@ from stab_ros.velocimetry.shared_errors import ErrorModel, Measured, PlaneErrors
 from stab_ros.velocimetry.stiv_line import Line, longest_run
 from stab_ros.velocimetry.stiv_slope import Slope, cleaned, slope_of
 from stab_ros.velocimetry.vectors import Unit, Vectors
+from stab_ros.velocimetry.vectors_join import joined
 
 _MOST_FRAMES = 512  # of an interval that are kept; of more, every second is let go
 _LEAST_FRAMES = 10
@@ -144,7 +145,7 @@ class _Interval:
         """One vector for each line that has a clear slope; None: none has."""
         found = [vector for i, line in enumerate(self._lines)
                  if (vector := self._vector(i, line, config, unit, first_id)) is not None]
-        return _joined(found) if found else None
+        return joined(found) if found else None
 
     def _vector(self, i: int, line: Line, config: StivConfig, unit: Unit, first_id: int) -> Vectors | None:
         part = longest_run(np.logical_and.reduce([shown[i] for shown in self._shown]))
@@ -176,12 +177,6 @@ class _Interval:
         way = velocity * self.duration_s / 2
         return Vectors((middle - way)[None], (middle + way)[None], np.array([self.stamps_ns[0]]),
                        np.array([self._last_ns]), covariance[None], shared, np.array([track_id]), unit)
-
-
-def _joined(vectors: Sequence[Vectors]) -> Vectors:
-    arrays = [np.concatenate([getattr(one, name) for one in vectors]) for name in
-              ("start_m", "end_m", "start_ns", "end_ns", "covariance", "shared", "track_id")]
-    return Vectors(arrays[0], arrays[1], arrays[2], arrays[3], arrays[4], arrays[5], arrays[6], vectors[0].unit)
 
 
 def _median_gsd(frame: PlacedFrame, unit: Unit) -> float:

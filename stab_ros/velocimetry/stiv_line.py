@@ -63,7 +63,7 @@ class Line:
         shown = inside(pixels - 1, (size[0] - 2, size[1] - 2)).reshape(self.rows, self.count)  # NaN compares false
         x, y = np.nan_to_num(pixels, nan=-1e6).astype(np.float32).T.reshape(2, self.rows, self.count)
         values = cv2.remap(frame.gray.astype(np.float32), x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-        return np.asarray(values, np.float64).mean(axis=0), shown.all(axis=0)
+        return np.asarray(values, np.float64).mean(axis=0), np.asarray(shown.all(axis=0))
 
     def _pixels(self, frame: PlacedFrame) -> FloatArray:
         """Pixels (rows * count, 2) of the frame as taken."""
