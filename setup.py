@@ -80,6 +80,7 @@ setup(
             "tracker_node = stab_ros.nodes.tracker:main",
             "evaluator_node = stab_ros.nodes.evaluator:main",
             "georeference_node = stab_ros.nodes.georeference:main",
+            "velocimetry_node = stab_ros.nodes.velocimetry:main",
             "bag_player_node = stab_ros.nodes.bag_player:main",
             "bag_recorder_node = stab_ros.nodes.bag_recorder:main",
         ],

@@ -11,9 +11,16 @@ from stab_ros.core.settings import Range, Value
 from stab_ros.nodes.bag_player_node import PlayerSettings
 from stab_ros.nodes.bag_recorder_node import RecorderSettings
 from stab_ros.nodes.params import table_of
-from stab_ros.parameters.node_settings import EvaluatorSettings, GeoreferenceSettings, TrackerSettings
+from stab_ros.parameters.node_settings import EvaluatorSettings, GeoreferenceSettings, TrackerSettings, VelocimetrySettings
 from stab_ros.parameters.presets import PRESETS
-from stab_ros.parameters.table import EVALUATOR_PARAMETERS, GEOREFERENCE_PARAMETERS, PARAMETERS, Parameter
+from stab_ros.parameters.table import (
+    EVALUATOR_PARAMETERS,
+    GEOREFERENCE_PARAMETERS,
+    OWN_VELOCITY_PARAMETERS,
+    PARAMETERS,
+    Parameter,
+)
+from stab_ros.velocimetry.settings import PRESETS as VELOCITY_PRESETS
 
 _HEAD = """# Parameters
 
@@ -32,8 +39,16 @@ only be chosen at start; in a running node, change the single parameters.
 """
 _EVALUATOR = "The evaluator: `evaluator_node`, and `-p name:=value` of `stab-ros evaluate`"
 _GEOREFERENCE = "Georeferencing: `georeference_node`, and `-p name:=value` of `stab-ros georeference`"
+_VELOCITY = ("Velocimetry: `velocimetry_node`, and `-p name:=value` of `stab-ros velocity`, which take those of "
+             "georeferencing too")
+_VELOCITY_PRESETS = """
+## Presets of velocimetry's `method`
+
+Parameters that are given beside the name override them.
+"""
 _NODES = {"tracker_node": TrackerSettings, "evaluator_node": EvaluatorSettings,
-          "georeference_node": GeoreferenceSettings, "bag_player_node": PlayerSettings,
+          "georeference_node": GeoreferenceSettings, "velocimetry_node": VelocimetrySettings,
+          "bag_player_node": PlayerSettings,
           "bag_recorder_node": RecorderSettings}
 # a list of strings, which no settings dataclass holds: the recorder declares it by itself
 _TOPICS = Parameter("topics", "", Range("Topics to record, a list of names such as `[/a,/b]`; none: all topics"))
@@ -45,9 +60,9 @@ def _section(title: str, parameters: Iterable[Parameter]) -> str:
     return "\n".join([f"\n## {title}\n", "| name | default | accepts | meaning |", "|---|---|---|---|", *rows])
 
 
-def _presets() -> str:
-    rows = (f"| `{name}` | {_assignments(preset)} |" for name, preset in PRESETS.items())
-    return "\n".join([_PRESETS, "| name | stands for |", "|---|---|", *rows])
+def _presets(head: str, presets: Mapping[str, Mapping[str, Value]]) -> str:
+    rows = (f"| `{name}` | {_assignments(preset)} |" for name, preset in presets.items())
+    return "\n".join([head, "| name | stands for |", "|---|---|", *rows])
 
 
 def _assignments(preset: Mapping[str, Value]) -> str:
@@ -72,8 +87,10 @@ def _accepts(limits: Range) -> str:
 
 if __name__ == "__main__":
     print(_HEAD + _section(_ENGINE, PARAMETERS.values()))
-    print(_presets())
+    print(_presets(_PRESETS, PRESETS))
     print(_section(_EVALUATOR, EVALUATOR_PARAMETERS.values()))
     print(_section(_GEOREFERENCE, GEOREFERENCE_PARAMETERS.values()))
+    print(_section(_VELOCITY, OWN_VELOCITY_PARAMETERS.values()))
+    print(_presets(_VELOCITY_PRESETS, VELOCITY_PRESETS))
     for name, settings in _NODES.items():
         print(_section(f"`{name}` alone", [*table_of(settings).values(), *_LISTS.get(name, [])]))

@@ -26,6 +26,7 @@ from stab_ros.cli import (
     recover,
     stabilize,
     telemetry,
+    velocity,
     warm_up,
 )
 from stab_ros.cli.console import BAD_INPUT, BROKEN_OFF, INTERRUPTED, say, tell
@@ -35,8 +36,8 @@ from stab_ros.core.memory import keep_freed_memory
 from stab_ros.core.version import __version__
 
 _COMMANDS = (  # in the order of --help
-    stabilize, evaluate, compare, camera, telemetry, georeference, discharge, convert, play, record, recover, info,
-    warm_up)
+    stabilize, evaluate, compare, camera, telemetry, georeference, velocity, discharge, convert, play, record, recover,
+    info, warm_up)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

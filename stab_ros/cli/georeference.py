@@ -49,9 +49,11 @@ def run(options: argparse.Namespace) -> int:
     from stab_ros.jobs.georeference import Job, georeference
 
     values, tracker_values = _values(options)
-    job = Job(options.input, options.output, values, tracker_values, options.image_topic, options.telemetry,
-              options.homographies, options.geotiff, options.interval, not options.no_image, options.limit, options.fps,
-              options.force, Clock(options.time))
+    job = Job(
+        options.input, options.output, values, tracker_values, image_topic=options.image_topic,
+        telemetry=options.telemetry, limit=options.limit, fps=options.fps, clock=Clock(options.time),
+        homographies=options.homographies, geotiff=options.geotiff, interval_s=options.interval,
+        with_image=not options.no_image, force=options.force)
     with quiet_libraries(), progress_bar("frames") as progress:
         result = georeference(job, progress, compile_shown)
     warn(result.warnings)

@@ -22,6 +22,7 @@ from stab_ros.georeferencing.camera_start import nominal_camera, starts
 from stab_ros.georeferencing.control_points import ControlPoints
 from stab_ros.georeferencing.levels import on_own_level
 from stab_ros.georeferencing.observability import doubts, refusals, rivals, why_untold
+from stab_ros.georeferencing.place_error import factor
 from stab_ros.georeferencing.point_noise import PointNoise
 from stab_ros.georeferencing.robust_fit import cleaned, fitted_to_best
 from stab_ros.georeferencing.wrong_points import wrong_text
@@ -123,12 +124,17 @@ class CameraFit:
         Raises:
             InputError: the camera is not above the water.
         """
+        H, spread = self.spread_on(wse_m)
+        return H, np.asarray(spread @ spread.T)
+
+    def spread_on(self, wse_m: float) -> tuple[Homography, FloatArray]:
+        """`map_H_image`, and changes (8, n) of h00 .. h21 by one standard deviation of each of n independent errors."""
         problem, H = self.solution.problem, self._map_H_image(np.zeros(self.solution.problem.parameters), wse_m)
         steps = 1e-4 * np.sqrt(np.maximum(np.diag(self.solution.covariance), 1e-30))
         ends = [(self._map_H_image(step, wse_m), self._map_H_image(-step, wse_m)) for step in np.diag(steps)]
         J = np.stack([(more - less).ravel()[:8] for more, less in ends], axis=1) / (2 * steps)
         assert J.shape == (8, problem.parameters)
-        return H, np.asarray(J @ self.solution.covariance @ J.T)
+        return H, np.asarray(J @ factor(self.solution.covariance))
 
     def _map_H_image(self, x: FloatArray, wse_m: float) -> Homography:
         return normalized(np.linalg.inv(self.solution.problem.moved(x).view.image_H_map(wse_m)))

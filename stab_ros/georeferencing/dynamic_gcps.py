@@ -56,7 +56,7 @@ class DynamicGcps:
             if usable < _LEAST_POINTS:
                 raise InputError(f"{usable} of {len(self._trusted)} control points have structure around them to be "
                                  f"followed by, it must be {_LEAST_POINTS}; mark others")
-            return by_fit(self._found, sighting.wse_m, sighting.wse_sigma_m)
+            return by_fit(self._found, sighting.wse_m, sighting.wse_sigma_m, anew=True)
         expected = self._follower.moved(sighting.gray, self._view.project(self._fit.points.map_m))
         fit = self._fitted(self._follower, sighting.gray, expected, self._view)
         if isinstance(fit, CameraFit) and len(fit.points) < self._trusted.sum():  # by the pose, hidden ones are found
@@ -83,7 +83,7 @@ class DynamicGcps:
     def _placed(self, fit: CameraFit, sighting: Sighting) -> Answer:
         hidden = tuple(name for name in self._fit.points.names if name not in fit.points.names)
         answer = by_fit(GcpFit(fit, self._found.camera, True, self._warnings(hidden, fit)), sighting.wse_m,
-                        sighting.wse_sigma_m)
+                        sighting.wse_sigma_m, anew=True)
         return replace(answer, rejected=(*hidden, *fit.wrong)) if isinstance(answer, Placement) else answer
 
     def _warnings(self, hidden: tuple[str, ...], fit: CameraFit) -> tuple[str, ...]:

@@ -6,13 +6,16 @@ Where homographies are known too, both are fused: they tell relative motion with
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numpy as np
+
+from stab_ros.core.geometry import product_jacobians
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.fusion import Fused, Fusion, FusionSettings
 from stab_ros.georeferencing.interpolation import Limits
 from stab_ros.georeferencing.orientation import Answer, Unplaced
-from stab_ros.georeferencing.placement import Sighting
+from stab_ros.georeferencing.placement import Placement, Sighting
 from stab_ros.georeferencing.pose_track import Mounting, PosePrior, PoseTrack
 from stab_ros.georeferencing.posed import placed
 from stab_ros.georeferencing.sensor_checks import check_view
@@ -77,8 +80,9 @@ class DynamicGpsImu:
             values |= {"position_interval_s": prior.position_interval_s}
         if math.isfinite(told.innovation):
             values["innovation"] = told.innovation
-        return placed(self._camera, told.pose, told.covariance, sighting.wse_m, sighting.wse_sigma_m, values,
-                      (*told.warnings, *self._doubts(), *self._watch.warnings))
+        answer = placed(self._camera, told.pose, told.covariance, sighting.wse_m, sighting.wse_sigma_m, values,
+                        (*told.warnings, *self._doubts(), *self._watch.warnings), anew=True)
+        return _split(answer, sighting if self._moving else None)
 
     def _told(self, sighting: Sighting, prior: PosePrior | Unplaced) -> _Told | Unplaced:
         """The pose by the sensors alone, until there are homographies to fuse them with."""
@@ -100,3 +104,12 @@ class DynamicGpsImu:
         return tuple(f"{what} come without covariance, {name} stands for it" for what, name, missing in first
                      if missing)
 
+
+def _split(answer: Answer, moved: Sighting | None) -> Answer:
+    """A fused pose changes slowly: only the registration of the frame is its own error. moved: None: not fused."""
+    if not isinstance(answer, Placement) or answer.error is None:
+        return answer
+    if moved is None or moved.ref_H_cur is None or moved.covariance is None:
+        return replace(answer, error=answer.error.padded(8))
+    by_motion = product_jacobians(answer.map_H_image @ np.linalg.inv(moved.ref_H_cur), moved.ref_H_cur)[1]
+    return replace(answer, error=answer.error.seen_by(by_motion @ moved.covariance @ by_motion.T))

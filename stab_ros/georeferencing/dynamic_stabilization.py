@@ -42,7 +42,7 @@ class DynamicStabilization:
         used, *others = scales
         H = nadir_H(camera, used.gsd_m, config.yaw_rad)
         by_scale = np.concatenate([H[:2].ravel(), [0, 0]])  # d h / d ln(gsd)
-        self._reference = ReferencePlace(H, used.sigma**2 * np.outer(by_scale, by_scale), config.wse_m + above_m)
+        self._reference = ReferencePlace(H, used.sigma * by_scale[:, None], config.wse_m + above_m)
         self._warnings = tuple(filter(None, (contradiction(used, other) for other in others)))
         self._tilt = TiltEstimate(camera.K)
         self._resets: int | None = None  # at the first frame

@@ -13,6 +13,7 @@ from stab_ros.georeferencing.camera_fit import CameraFit, fit_camera, fit_pose
 from stab_ros.georeferencing.control_points import ControlPoints
 from stab_ros.georeferencing.gcp_places import check_inside
 from stab_ros.georeferencing.known_scale import is_feet
+from stab_ros.georeferencing.place_error import factor
 from stab_ros.georeferencing.plane_fit import LEAST_POINTS, PlaneFit, fit_plane
 from stab_ros.georeferencing.point_noise import PointNoise
 from stab_ros.georeferencing.settings import GeoreferenceConfig
@@ -58,13 +59,15 @@ class GcpFit:
         return self.fit.points.names[int(np.argmax(size))]
 
     def on_plane(self, plane_m: float) -> tuple[Homography, FloatArray]:
-        """Homography (3, 3), h22 = 1, from undistorted pixels to a level plane, and its covariance (8, 8).
+        """Homography (3, 3), h22 = 1, from undistorted pixels to a level plane, and its error.
+
+        The error is (8, K), changes of h00 .. h21 by one standard deviation of each of K independent errors.
 
         That of the points, whatever `plane_m` is, where there is no camera.
         """
         if isinstance(self.fit, PlaneFit):
-            return normalized(self.fit.map_H_image), self.fit.covariance
-        return self.fit.map_H_image(plane_m)
+            return normalized(self.fit.map_H_image), factor(self.fit.covariance)
+        return self.fit.spread_on(plane_m)
 
     def by_level(self, wse_m: float) -> FloatArray:
         """(8,) derivative of `on_plane` by the elevation."""

@@ -13,6 +13,7 @@ import numpy as np
 from stab_ros.core.geometry import normalized, product_jacobians
 from stab_ros.core.types import FloatArray, Homography
 from stab_ros.georeferencing.orientation import Answer, Unplaced
+from stab_ros.georeferencing.place_error import PlaceError
 from stab_ros.georeferencing.placement import Sighting
 from stab_ros.georeferencing.plane_pose import pose_covariance, pose_of_plane
 from stab_ros.georeferencing.posed import not_above, placement
@@ -26,12 +27,12 @@ class ReferencePlace:
 
     Attributes:
         map_H_ref: (3, 3), h22 = 1, from its undistorted pixels to east and north on the ground, m.
-        covariance: (8, 8) of h00 .. h21.
+        spread: (8, K), changes of h00 .. h21 by one standard deviation of each of K errors, which all frames share.
         ground_m: elevation of the ground in the map.
     """
 
     map_H_ref: Homography
-    covariance: FloatArray
+    spread: FloatArray
     ground_m: float
 
 
@@ -50,29 +51,29 @@ def placed_by_motion(camera: Camera, calibrated: bool, reference: ReferencePlace
     if sighting.ref_H_cur is None:
         return Unplaced("the frame is lost, there is no homography of it")
     map_H_ground = normalized(reference.map_H_ref @ sighting.ref_H_cur)
-    covariance = _combined(reference, sighting)
+    error = _combined(reference, sighting)
     if not calibrated:
-        return placement(camera, map_H_ground, covariance, None, None, values, warnings)
+        return placement(camera, map_H_ground, error, None, None, values, warnings)
     pose = pose_of_plane(camera, map_H_ground, reference.ground_m)
     if not pose.position_m[2] > sighting.wse_m:
         return not_above(pose, sighting.wse_m)
     map_H_image, of_water = _on_water(map_H_ground, pose, reference.ground_m, sighting.wse_m)
-    if covariance is None:
+    if error is None:
         return placement(camera, map_H_image, None, pose, None, values, warnings)
     by_ground = product_jacobians(of_water, map_H_ground)[1]
     higher, _ = _on_water(map_H_ground, pose, reference.ground_m, sighting.wse_m - 1e-4)
     by_wse = (map_H_image - higher).ravel()[:8] / 1e-4
-    on_water = by_ground @ covariance @ by_ground.T + sighting.wse_sigma_m**2 * np.outer(by_wse, by_wse)
+    on_water = error.mapped(by_ground).with_shared(sighting.wse_sigma_m * by_wse)
     return placement(camera, map_H_image, on_water, pose,
-                     pose_covariance(camera, map_H_ground, covariance, reference.ground_m), values, warnings)
+                     pose_covariance(camera, map_H_ground, error.covariance, reference.ground_m), values, warnings)
 
 
-def _combined(reference: ReferencePlace, sighting: Sighting) -> FloatArray | None:
-    """Covariance (8, 8) on the ground, of the place of the reference and of the homography; None: unknown."""
+def _combined(reference: ReferencePlace, sighting: Sighting) -> PlaceError | None:
+    """The error on the ground: the place of the reference is shared, the homography the frame's; None: unknown."""
     if sighting.covariance is None or sighting.ref_H_cur is None:
         return None
     by_place, by_motion = product_jacobians(reference.map_H_ref, sighting.ref_H_cur)
-    return np.asarray(by_place @ reference.covariance @ by_place.T + by_motion @ sighting.covariance @ by_motion.T)
+    return PlaceError(by_motion @ sighting.covariance @ by_motion.T, by_place @ reference.spread)
 
 
 def _on_water(map_H_ground: Homography, pose: Pose, ground_m: float, wse_m: float) -> tuple[Homography, Homography]:

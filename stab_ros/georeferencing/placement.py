@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from stab_ros.core.types import FloatArray, Gray, Homography
+from stab_ros.georeferencing.place_error import PlaceError
 from stab_ros.imaging.pose import Pose
 
 
@@ -53,7 +54,7 @@ class Placement:
 
     Attributes:
         map_H_image: (3, 3), h22 = 1, from undistorted pixels to east and north on the water plane, m.
-        covariance: (8, 8) of h00 .. h21; None: unknown.
+        error: of h00 .. h21; None: unknown.
         pose: of the camera; None: the orientation does not know it.
         pose_covariance: (6, 6) of east, north, up, m, and rotations about the axes of the map, rad, as in
             geometry_msgs/PoseWithCovariance; None: unknown.
@@ -64,10 +65,15 @@ class Placement:
     """
 
     map_H_image: Homography
-    covariance: FloatArray | None = None
+    error: PlaceError | None = None
     pose: Pose | None = None
     pose_covariance: FloatArray | None = None
     values: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     rejected: tuple[str, ...] = ()
     worst_point: str = ""
+
+    @property
+    def covariance(self) -> FloatArray | None:
+        """(8, 8) of h00 .. h21; None: unknown."""
+        return None if self.error is None else self.error.covariance

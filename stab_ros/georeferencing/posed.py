@@ -10,6 +10,7 @@ from stab_ros.core.geometry import jacobian, normalized
 from stab_ros.core.types import FloatArray, Homography
 from stab_ros.georeferencing.horizon import gsd_m, in_front, sampled_pixels, shown_well
 from stab_ros.georeferencing.orientation import Answer, Unplaced
+from stab_ros.georeferencing.place_error import PlaceError, all_shared, factor
 from stab_ros.georeferencing.placement import Placement
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.pose import Pose
@@ -20,7 +21,7 @@ HORIZON = "the horizon is in view, what lies above it is left out"
 
 
 def placed(camera: Camera, pose: Pose, pose_covariance: FloatArray | None, wse_m: float, wse_sigma_m: float,
-           values: Mapping[str, float], warnings: tuple[str, ...] = ()) -> Answer:
+           values: Mapping[str, float], warnings: tuple[str, ...] = (), *, anew: bool = False) -> Answer:
     """The place of an image whose camera has this pose.
 
     Args:
@@ -31,6 +32,7 @@ def placed(camera: Camera, pose: Pose, pose_covariance: FloatArray | None, wse_m
         wse_sigma_m: its standard deviation.
         values: figures for the status.
         warnings: what makes the pose doubtful.
+        anew: whether the error of the pose is another one in each frame; else all frames share it.
 
     Returns:
         The placement; unplaced where the camera is not above the water, or sees nothing of it.
@@ -38,11 +40,13 @@ def placed(camera: Camera, pose: Pose, pose_covariance: FloatArray | None, wse_m
     if not pose.position_m[2] > wse_m:
         return not_above(pose, wse_m)
     map_H_image = map_H_image_of(camera, pose, wse_m)
-    covariance = None
+    error = None
     if pose_covariance is not None:
         J, at_wse = _derivatives(camera, pose, wse_m)
-        covariance = J @ pose_covariance @ J.T + wse_sigma_m**2 * np.outer(at_wse, at_wse)
-    return placement(camera, map_H_image, covariance, pose, pose_covariance, values, warnings)
+        of_pose = PlaceError(J @ pose_covariance @ J.T, np.zeros((8, 0))) if anew else (
+            all_shared(J @ factor(pose_covariance)))
+        error = of_pose.with_shared(wse_sigma_m * at_wse)
+    return placement(camera, map_H_image, error, pose, pose_covariance, values, warnings)
 
 
 def not_above(pose: Pose, wse_m: float) -> Unplaced:
@@ -51,7 +55,7 @@ def not_above(pose: Pose, wse_m: float) -> Unplaced:
                     "check wse_m, and that both have one height datum")
 
 
-def placement(camera: Camera, map_H_image: Homography, covariance: FloatArray | None, pose: Pose | None,
+def placement(camera: Camera, map_H_image: Homography, error: PlaceError | None, pose: Pose | None,
               pose_covariance: FloatArray | None, values: Mapping[str, float], warnings: tuple[str, ...]) -> Answer:
     """The placement with its ground sampling distance and standard deviation; unplaced with all above the horizon."""
     pixels = sampled_pixels(camera)
@@ -60,10 +64,10 @@ def placement(camera: Camera, map_H_image: Homography, covariance: FloatArray | 
         return Unplaced("the whole image lies above the horizon")
     well = shown_well(map_H_image, pixels)
     values = dict(values) | {"gsd_m": float(np.median(gsd_m(map_H_image, well)))}
-    if covariance is not None:
-        values["sigma_m"] = float(np.median(sigma_m(map_H_image, covariance, well)))
+    if error is not None:
+        values["sigma_m"] = float(np.median(sigma_m(map_H_image, error.covariance, well)))
     warnings = warnings if seen.all() else (*warnings, HORIZON)
-    return Placement(normalized(map_H_image), covariance, pose, pose_covariance, values, warnings)
+    return Placement(normalized(map_H_image), error, pose, pose_covariance, values, warnings)
 
 
 def map_H_image_of(camera: Camera, pose: Pose, wse_m: float) -> Homography:

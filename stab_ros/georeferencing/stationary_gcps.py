@@ -9,6 +9,7 @@ import numpy as np
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.gcp_fit import GcpFit
 from stab_ros.georeferencing.orientation import Answer
+from stab_ros.georeferencing.place_error import PlaceError, all_shared
 from stab_ros.georeferencing.placement import Placement, Sighting
 from stab_ros.georeferencing.posed import placed, placement
 from stab_ros.georeferencing.stillness import with_movement
@@ -51,17 +52,17 @@ class StationaryPose:
         return with_movement(answer, sighting)
 
 
-def by_fit(found: GcpFit, wse_m: float, wse_sigma_m: float) -> Answer:
-    """The place of the frame that was fitted."""
+def by_fit(found: GcpFit, wse_m: float, wse_sigma_m: float, *, anew: bool = False) -> Answer:
+    """The place of the frame that was fitted. anew: whether each frame has a fit of its own; else all share it."""
     pose, pose_covariance = None, None
     if found.pose is not None:
         pose, pose_covariance = found.pose
         if not pose.position_m[2] > wse_m:
             return placed(found.camera, pose, None, wse_m, wse_sigma_m, {})  # which says why it cannot be
-    H, covariance = found.on_plane(wse_m)
-    by_level = found.by_level(wse_m)
-    answer = placement(found.camera, H, covariance + wse_sigma_m**2 * np.outer(by_level, by_level), pose,
-                       pose_covariance, found.values, found.warnings)
+    H, spread = found.on_plane(wse_m)
+    of_fit = PlaceError(spread @ spread.T, np.zeros((8, 0))) if anew else all_shared(spread)
+    error = of_fit.with_shared(wse_sigma_m * found.by_level(wse_m))
+    answer = placement(found.camera, H, error, pose, pose_covariance, found.values, found.warnings)
     if not isinstance(answer, Placement):
         return answer
     return replace(answer, rejected=found.fit.wrong, worst_point=found.worst_point)

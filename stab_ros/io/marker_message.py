@@ -1,4 +1,4 @@
-"""visualization_msgs/MarkerArray: ground control points as RViz and Foxglove draw them."""
+"""visualization_msgs/MarkerArray: control points and velocities as RViz and Foxglove draw them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def gcps_cdr(points: ControlPoints, rejected: Collection[str], size_m: float, he
     size_m: diameter of a ball.
     """
     # Any: rosbags types the array as one of Dashing, whose markers are fewer
-    markers: list[Any] = [_marker(header, "gcps", 0, _Marker.DELETEALL, _Marker.SPHERE, np.zeros(3), size_m, _USED)]
+    markers: list[Any] = [_cleared(header, "gcps")]
     above = np.array([0, 0, 1.2 * size_m])
     for number, (name, place) in enumerate(zip(points.names, points.map_m, strict=True)):
         colour = _REJECTED if name in rejected else _USED
@@ -34,6 +34,30 @@ def gcps_cdr(points: ControlPoints, rejected: Collection[str], size_m: float, he
         text.text = name
         markers.append(text)
     return serialize(ros.visualization_msgs__msg__MarkerArray(markers=markers), MARKER_ARRAY)
+
+
+def arrows_cdr(starts: FloatArray, ends: FloatArray, colours: FloatArray, width: float, header: Header) -> bytes:
+    """Arrows that take the place of those before.
+
+    Args:
+        starts: (N, 3).
+        ends: (N, 3).
+        colours: (N, 3), red, green and blue, 0 to 1.
+        width: of the shaft.
+        header: of the frame of the places.
+    """
+    markers: list[Any] = [_cleared(header, "velocity")]
+    for number, (start, end, colour) in enumerate(zip(starts, ends, colours.tolist(), strict=True)):
+        arrow = _marker(header, "velocity", number, _Marker.ADD, _Marker.ARROW, np.zeros(3), width, tuple(colour))
+        arrow.points = [point_message(start), point_message(end)]
+        arrow.scale.y, arrow.scale.z = 2.5 * width, 0.0  # of the head: its diameter, and its length by default
+        markers.append(arrow)
+    return serialize(ros.visualization_msgs__msg__MarkerArray(markers=markers), MARKER_ARRAY)
+
+
+def _cleared(header: Header, namespace: str) -> _Marker:
+    """Deletes all markers of a message before."""
+    return _marker(header, namespace, 0, _Marker.DELETEALL, _Marker.SPHERE, np.zeros(3), 1.0, _USED)
 
 
 def _marker(header: Header, namespace: str, number: int, action: int, kind: int, place_m: FloatArray, size_m: float,

@@ -11,7 +11,8 @@ from rosbags.typesys.stores import ros2_jazzy as ros
 from stab_ros.core.errors import MessageError
 from stab_ros.io.cdr import POINT_CLOUD2, Header, deserialize, header_message, serialize, to_ns
 
-_Field, _Cloud = ros.sensor_msgs__msg__PointField, ros.sensor_msgs__msg__PointCloud2
+_Field: TypeAlias = ros.sensor_msgs__msg__PointField
+_Cloud: TypeAlias = ros.sensor_msgs__msg__PointCloud2
 _TYPES = {"i1": _Field.INT8, "u1": _Field.UINT8, "i2": _Field.INT16, "u2": _Field.UINT16, "i4": _Field.INT32,
           "u4": _Field.UINT32, "f4": _Field.FLOAT32, "f8": _Field.FLOAT64}
 _DTYPES = {number: dtype for dtype, number in _TYPES.items()}
@@ -40,6 +41,7 @@ def read_cloud(cdr: bytes | memoryview) -> tuple[Header, Table]:
     message = cast("_Cloud", deserialize(cdr, POINT_CLOUD2))
     header = Header(to_ns(message.header.stamp), message.header.frame_id)
     try:
+        _check_sizes(message)
         table = np.ndarray((message.height, message.width), _dtype(message), np.ascontiguousarray(message.data).data,
                            strides=(message.row_step, message.point_step))
         return header, table.reshape(-1).copy()
@@ -48,10 +50,20 @@ def read_cloud(cdr: bytes | memoryview) -> tuple[Header, Table]:
                            f"its {len(message.data)} bytes") from error
 
 
+def _check_sizes(message: _Cloud) -> None:
+    """Raises ValueError where points overlap, or the data are fewer: steps of 0 would make any number of points."""
+    step, row = message.point_step, message.row_step
+    if step < 1 or row < step * message.width or len(message.data) < row * message.height:
+        raise ValueError("more points than data")
+
+
 def _dtype(message: _Cloud) -> np.dtype[Any]:
     order = ">" if message.is_bigendian else "<"
     if any(field.count != 1 for field in message.fields):
         raise ValueError("a field of several numbers")
-    return np.dtype({"names": [field.name for field in message.fields],
-                     "formats": [order + _DTYPES[field.datatype] for field in message.fields],
-                     "offsets": [field.offset for field in message.fields], "itemsize": message.point_step})
+    layout: Any = {
+        "names": [field.name for field in message.fields],
+        "formats": [order + _DTYPES[field.datatype] for field in message.fields],
+        "offsets": [field.offset for field in message.fields], "itemsize": message.point_step}
+    dtype: np.dtype[Any] = np.dtype(layout)
+    return dtype

@@ -45,8 +45,8 @@ def write_netcdf(path: Path, vectors: Vectors, wse_m: float = 0.0, local_frame: 
         WorkError: the file cannot be written.
     """
     first_ns = int(vectors.start_ns.min()) if len(vectors) else 0
-    variables = {**_places(vectors, wse_m, local_frame), **_times(vectors, first_ns), **_velocities(vectors, local_frame),
-                 **_shared(vectors)}
+    variables = {**_places(vectors, wse_m, local_frame), **_times(vectors, first_ns),
+                 **_velocities(vectors, local_frame), **_shared(vectors)}
     try:
         with netcdf_file(path, "w", version=2) as file:
             _describe(file, first_ns, local_frame)

@@ -4,69 +4,44 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from stab_ros.core.errors import InputError
 from stab_ros.core.kernels import Compiler, compile_kernels
 from stab_ros.core.progress import Progress
-from stab_ros.core.settings import Value
-from stab_ros.core.types import Homography, LostReason, State, Track
+from stab_ros.core.types import LostReason, State, Track
 from stab_ros.georeferencing.georeferencer import Georeferenced
 from stab_ros.georeferencing.local_frame import LOCAL
-from stab_ros.georeferencing.settings import needs_motion, needs_sensors
-from stab_ros.imaging.camera import Camera
 from stab_ros.io.bag import BagWriter, Message
-from stab_ros.io.cdr import CAMERA_INFO
 from stab_ros.io.homographies import HomographyWriter
 from stab_ros.io.outputs import check_output, completed
-from stab_ros.io.sensors import Sensors, read_sensors
-from stab_ros.io.source import Clock, Kind, Picture, Source, kind_of, namespace_of, open_source, read_again
-from stab_ros.io.topics import CAMERA_INFO_TOPIC, STABILIZED_TOPIC, topic_in
+from stab_ros.io.source import Picture, Source, open_source
 from stab_ros.jobs.georeferenced_bag import GeoreferencedBag
 from stab_ros.jobs.geotiffs import GeoTiffs, to_crs_of
-from stab_ros.jobs.motions import (
-    MotionOf,
-    RecordedMotions,
-    check_homographies,
-    no_motion,
-    read_motions,
-    stabilised_motion,
-)
-from stab_ros.jobs.pipeline import OnFrame, PictureTracker
+from stab_ros.jobs.pipeline import OnFrame
+from stab_ros.jobs.placed_recording import Placed, Recording, prepared
 from stab_ros.jobs.placing import PicturePlacer, PlacedPicture, Work
-from stab_ros.jobs.sensor_feed import feed
 from stab_ros.jobs.stabilize import expected
 from stab_ros.jobs.stage import Stage
-from stab_ros.parameters.engines import camera_of, make_georeferencer, make_stabilizer
+from stab_ros.parameters.engines import make_georeferencer
 from stab_ros.parameters.table import georeference_config
 
 
 @dataclass(frozen=True)
-class Job:
+class Job(Placed):
     """What to georeference and what to write.
 
-    values: checked parameters of georeferencing. tracker_values: those of the stabiliser, where it runs on the fly.
-    telemetry: recording of the sensors; None: they are in the input, if anywhere. interval_s: of GeoTIFFs.
+    values: checked parameters of georeferencing. interval_s: of GeoTIFFs.
     """
 
-    source: Path
-    output: Path
-    values: Mapping[str, Value]
-    tracker_values: Mapping[str, Value] = field(default_factory=dict)
-    image_topic: str | None = None
-    telemetry: Path | None = None
     homographies: Path | None = None
     geotiff: Path | None = None
     interval_s: float | None = None
     with_image: bool = True
-    limit: int | None = None
-    fps: float | None = None
     force: bool = False
-    clock: Clock = Clock.HEADER
 
 
 @dataclass
@@ -117,66 +92,16 @@ def georeference(job: Job, progress: Progress, compiling: Compiler = compile_ker
             check_output(path, suffix, job.source, job.force)
     orientation = georeference_config(job.values).orientation
     with open_source(job.source, job.image_topic, job.fps, job.clock) as source:
-        work = _prepared(job, source)
+        recording = prepared(job, source)
         compiling()
         started_s, total = time.monotonic(), expected(source.count, job.limit)
         with _outputs(job, source, orientation) as outputs:
-            result = _run(job, source, work, outputs, lambda done: progress(done, total))
-            _check_placed(source, work, result)
+            result = _run(job, source, recording, outputs, lambda done: progress(done, total))
+            if not result.placed:
+                raise recording.nothing_placed(result.unplaced, result.first_ns)
         result.duration_s = time.monotonic() - started_s
-        result.warnings = (*outputs.warnings, *source.warnings, *work.warnings, *_said(source, result))
+        result.warnings = (*outputs.warnings, *source.warnings, *recording.warnings, *_said(source, result))
     return result
-
-
-@dataclass(frozen=True, eq=False)
-class _Work:
-    """What a recording is worked on with.
-
-    camera: of the images; None: of unknown K. image_H_ref: as for `Georeferencer`. recorded: homographies in the input.
-    sensors: of the input or of --telemetry.
-    """
-
-    camera: Camera | None
-    image_H_ref: Homography | None
-    recorded: RecordedMotions | None
-    sensors: Sensors | None
-    warnings: tuple[str, ...]
-
-
-def _prepared(job: Job, source: Source) -> _Work:
-    namespace = namespace_of(source.topics[source.image_topic])
-    recorded = read_motions(job.source, namespace, source.topics) if kind_of(job.source) is Kind.BAG else None
-    sensors = _sensors_of(job)
-    stabilised = source.image_topic == topic_in(namespace, STABILIZED_TOPIC)
-    damaged = 0 if recorded is None else recorded.damaged
-    lost = f"{source.name}: {damaged} messages of homographies cannot be read, their frames are lost"
-    warnings = (*((lost,) if damaged else ()), *(() if sensors is None else sensors.warnings))
-    if stabilised:
-        recorded = check_homographies(job.source, recorded)
-        return _Work(recorded.camera, recorded.image_H_ref, recorded, sensors, warnings)
-    camera = None if job.values.get("camera_file") else _camera_of(source, namespace)
-    return _Work(camera, None, recorded, sensors, warnings)
-
-
-def _sensors_of(job: Job) -> Sensors | None:
-    """The sensors of --telemetry, or those of the input if it is a recording.
-
-    Raises:
-        InputError: the orientation needs sensors that are not there.
-    """
-    where = job.telemetry or job.source
-    sensors = read_sensors(where) if job.telemetry is not None or kind_of(where) is Kind.BAG else None
-    if needs_sensors(georeference_config(job.values)) and (
-            sensors is None or not (sensors.fixes and sensors.attitudes)):
-        raise InputError(f"{where}: dynamic_gps_imu needs fixes (NavSatFix) and attitudes (Imu, QuaternionStamped), as "
-                         "telemetry writes them; name their recording with --telemetry")
-    return sensors
-
-
-def _camera_of(source: Source, namespace: str) -> Camera | None:
-    """The calibration in the recording; None: there is none."""
-    info = source.topics.get(topic_in(namespace, CAMERA_INFO_TOPIC))
-    return source.camera() if info is not None and info.msgtype == CAMERA_INFO and info.count else None
 
 
 @dataclass(frozen=True)
@@ -215,10 +140,10 @@ def _row(number: int, answer: Georeferenced) -> Track:
     return Track(State.TRACKED, number, stamp_ns, 0, 0, ref_H_cur=answer.placement.map_H_image)
 
 
-def _run(job: Job, source: Source, work: _Work, outputs: _Outputs, progress: OnFrame) -> Georeferencing:
+def _run(job: Job, source: Source, recording: Recording, outputs: _Outputs, progress: OnFrame) -> Georeferencing:
     """Reads on this thread, places and writes on two others, each up to two frames behind, all in order."""
     result = Georeferencing()
-    placer = PicturePlacer(partial(_begun, job, work), job.with_image)
+    placer = PicturePlacer(partial(_begun, job, recording), job.with_image)
 
     def write(item: PlacedPicture | Message) -> None:
         if isinstance(item, Message):
@@ -241,27 +166,12 @@ def _run(job: Job, source: Source, work: _Work, outputs: _Outputs, progress: OnF
     return result
 
 
-def _motion_of(job: Job, work: _Work, camera: Camera | None) -> MotionOf:
-    """Where homographies of frames are from: the recording, or the stabiliser where any are needed."""
-    if work.recorded is not None:
-        return work.recorded.of
-    if not needs_motion(georeference_config(job.values)):
-        return no_motion
-    stabilizer = make_stabilizer(job.tracker_values, camera)
-    return stabilised_motion(PictureTracker(stabilizer, False, partial(
-        read_again, job.source, job.image_topic, job.fps, job.clock, job.limit)))
-
-
-def _begun(job: Job, work: _Work, size: tuple[int, int]) -> Work:
-    reference_size = size if work.recorded is None or work.image_H_ref is None else work.recorded.reference_size
-    engine = make_georeferencer(job.values, work.camera, reference_size or size, work.image_H_ref)
-    if work.sensors is not None:
-        feed(engine, work.sensors)
-    file, _ = camera_of(job.values, reference_size or size)
-    camera = work.camera if file is None else file.camera
+def _begun(job: Job, recording: Recording, size: tuple[int, int]) -> Work:
+    placing = recording.begun(size, partial(make_georeferencer, job.values))
+    engine = placing.engine
     geotiffs = None if job.geotiff is None else GeoTiffs(
         job.geotiff, job.interval_s, to_crs_of(engine, str(job.values.get("crs", LOCAL))), engine.orthophoto)
-    return Work(engine, camera, _motion_of(job, work, camera), geotiffs)
+    return Work(engine, placing.camera, placing.motion_of, geotiffs)
 
 
 def _said(source: Source, result: Georeferencing) -> list[str]:
@@ -273,15 +183,3 @@ def _said(source: Source, result: Georeferencing) -> list[str]:
         said.append(f"{source.name}: {total} images of {source.image_topic} cannot be decoded and have no answer; "
                     f"the first: {next(iter(result.undecoded))}")
     return said
-
-
-def _check_placed(source: Source, work: _Work, result: Georeferencing) -> None:
-    """Raises InputError where not one frame is placed."""
-    if result.placed:
-        return
-    reason = result.unplaced.most_common(1)[0][0] if result.unplaced else "there is no frame"
-    sensors = work.sensors
-    times = "" if sensors is None or not sensors.fixes or result.first_ns is None else (
-        f"; the fixes are of {sensors.fixes[0].stamp_ns / 1e9:.1f} to {sensors.fixes[-1].stamp_ns / 1e9:.1f} s, the "
-        f"first frame is of {result.first_ns / 1e9:.1f} s: time_offset_s brings clocks together")
-    raise InputError(f"{source.name}: not one frame can be placed: {reason}{times}")

@@ -139,6 +139,11 @@ class PictureTracker:
         """Number of frames after the current one whose track is known already."""
         return len(self._ahead)
 
+    @property
+    def static_map(self) -> StaticMap | None:
+        """Where static ground lies in the reference; None: not known yet."""
+        return self._stabilizer.static_map
+
     def step(self, picture: Picture) -> TrackedFrame:
         """Tracks the next frame.
 

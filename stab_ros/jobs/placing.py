@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from stab_ros.core.errors import MessageError
 from stab_ros.core.types import Frame
 from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
+from stab_ros.georeferencing.placement import Motion
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.cdr import header_of
 from stab_ros.io.frame_reader import Decoded
@@ -37,11 +38,15 @@ Begin = Callable[[tuple[int, int]], Work]
 
 @dataclass(frozen=True, eq=False)
 class PlacedPicture:
-    """A picture with its answer, and its number in the input. image: the message of its orthophoto."""
+    """A picture with its answer, and its number in the input.
+
+    motion: how it lies to the reference; None: lost, or not stabilised. image: the message of its orthophoto.
+    """
 
     number: int
     work: Work
     picture: Picture
+    motion: Motion | None
     answer: Georeferenced
     image: bytes | None
 
@@ -88,7 +93,7 @@ class PicturePlacer:
         if work.geotiffs is not None:
             work.geotiffs.take(answer)
         image = self._message(work.engine, answer) if self._need_image else None
-        return PlacedPicture(self._number, work, picture, answer, image)
+        return PlacedPicture(self._number, work, picture, motion, answer, image)
 
     def finish(self) -> int:
         """Writes what is left to write; the number of GeoTIFFs in all."""

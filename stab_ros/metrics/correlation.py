@@ -17,11 +17,18 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from stab_ros.core.types import BoolArray, FloatArray, Gray, IdArray
+from stab_ros.metrics.window_spectra import (
+    LOW_PASS_PX,
+    band_pass,
+    both_halves,
+    correlation_at,
+    gaussian_peak,
+    taper,
+    window_spectra,
+)
 
 MARGIN_PX = 8  # distance of areas from the border, so that their content may move outwards
 _SMALLEST_PX = 16
-_TAPER = 0.5  # share of the window in which it rises and falls
-_HIGH_PASS_PX, _LOW_PASS_PX = 4.0, 1.0  # standard deviations of the Gaussians of the band-pass
 _MIN_TEXTURE = 0.2  # (grey levels/px)^2, mean square gradient in the weaker direction; twice that of 2 levels of noise
 _MIN_CORRELATION = 0.6  # moving water is below, a few frames later
 _MIN_FIRST_CORRELATION = 0.2  # in the first pass, where the windows overlap only partly
@@ -110,12 +117,12 @@ class _Areas:
     def __init__(self, reference: Gray, centres_px: IdArray, window_px: int) -> None:
         self._corners_px, self._window_px = centres_px - window_px // 2, window_px
         self._room_px = np.array(reference.shape[::-1]) - window_px
-        self._band = _band_pass(window_px)
+        self._band = band_pass(window_px)
         still = np.zeros(centres_px.shape)
-        spectra = _spectra(self._cut(reference, self._corners_px), still)
+        spectra = window_spectra(self._cut(reference, self._corners_px), still)
         self._energy = self._energies(spectra)
         self._template = np.conj(spectra) * self._band
-        smooth = cv2.GaussianBlur(np.asarray(reference, np.float32), (0, 0), _LOW_PASS_PX)
+        smooth = cv2.GaussianBlur(np.asarray(reference, np.float32), (0, 0), LOW_PASS_PX)
         slopes = [self._cut(cv2.Sobel(smooth, cv2.CV_32F, *axis, ksize=1, scale=0.5), self._corners_px)
                   for axis in ((1, 0), (0, 1))]
         self.textured = _weaker_texture(*slopes) >= _MIN_TEXTURE
@@ -142,18 +149,14 @@ class _Areas:
     def around(self, current: Gray, at: IdArray, shift_px: FloatArray) -> FloatArray:
         """Correlation (m, 3, 3) at the lags -1, 0 and 1 px around `shift_px`, which may be fractional."""
         cross, scale = self._cross(current, at, shift_px)
-        lags = (shift_px - np.round(shift_px))[:, :, None] + _LAGS
-        k = 2 * np.pi * np.fft.fftfreq(self._window_px)
-        half, both = np.abs(k[: cross.shape[2]]), _both_halves(self._window_px)
-        rows = np.exp(1j * lags[:, 1, :, None] * k)
-        columns = both[:, None] * np.exp(1j * lags[:, 0, None, :] * half[:, None])
-        return np.asarray((rows @ cross @ columns).real * scale[:, None, None])
+        lags_px = (shift_px - np.round(shift_px))[:, :, None] + _LAGS
+        return np.asarray(correlation_at(cross, lags_px) * scale[:, None, None])
 
     def _cross(self, current: Gray, at: IdArray, shift_px: FloatArray) -> tuple[NDArray[np.complex128], FloatArray]:
         """Cross spectra (m, N, N/2+1), and the factors (m,) that normalize their sum to a correlation coefficient."""
         offset = np.round(shift_px)
         patches = self._cut(current, self._corners_px[at] + offset.astype(np.int64))
-        spectra = _spectra(patches, shift_px - offset)
+        spectra = window_spectra(patches, shift_px - offset)
         power = self._energy[at] * self._energies(spectra)
         scale = np.divide(1.0, np.sqrt(power), out=np.zeros(len(at)), where=power > 0)
         spectra *= self._template[at]
@@ -161,7 +164,7 @@ class _Areas:
 
     def _energies(self, spectra: NDArray[np.complex128]) -> FloatArray:
         power = spectra.real**2 + spectra.imag**2
-        return np.asarray(np.einsum("nij,ij->n", power, self._band * _both_halves(self._window_px)))
+        return np.asarray(np.einsum("nij,ij->n", power, self._band * both_halves(self._window_px)))
 
     def _cut(self, image: NDArray[Any], corners_px: IdArray) -> NDArray[Any]:
         side = self._window_px
@@ -206,7 +209,7 @@ def _weaker_texture(slope_x: FloatArray, slope_y: FloatArray) -> FloatArray:
     The displacement along an edge or stripes cannot be measured (aperture problem), although the ends of the window
     cause a peak.
     """
-    weights = _weights(slope_x.shape[1], np.zeros(1))[0] ** 2
+    weights = taper(slope_x.shape[1], np.zeros(1))[0] ** 2
     weights /= weights.sum()
     xx, yy, xy = (weights @ product @ weights for product in (slope_x**2, slope_y**2, slope_x * slope_y))
     return np.asarray((xx + yy) / 2 - np.hypot((xx - yy) / 2, xy))
@@ -230,7 +233,7 @@ def _refine_shifts(areas: _Areas, current: Gray, at: IdArray, start_px: FloatArr
         if not len(k):
             break
         near = areas.around(current, at[k], shift[k])
-        step = _gaussian_peak(near)
+        step = gaussian_peak(near)
         alike = near[:, 1, 1] >= _MIN_CORRELATION
         shift[k] = np.where(alike[:, None], shift[k] + step, np.nan)
         done[k] = alike & np.all(np.abs(step) <= _LAST_STEP_PX, axis=1)
@@ -248,50 +251,5 @@ def _highest_peak(plane: FloatArray) -> FloatArray:
     first, second = plane[each, middle + y, middle + x], np.where(away, near, 0.0).max(axis=(1, 2))
     clear = (first >= _MIN_FIRST_CORRELATION) & (first >= _MIN_PEAK_RATIO * second)
     rows, columns = (middle + y[:, None] + _LAGS)[:, :, None], (middle + x[:, None] + _LAGS)[:, None, :]
-    peak = np.stack([x, y], axis=1) + _gaussian_peak(plane[each[:, None, None], rows, columns])
+    peak = np.stack([x, y], axis=1) + gaussian_peak(plane[each[:, None, None], rows, columns])
     return np.where(clear[:, None], peak, np.nan)
-
-
-def _gaussian_peak(near: FloatArray) -> FloatArray:
-    """Offset (m, 2), px, of the peak of a Gaussian from the centre of correlations (m, 3, 3), at most 1 px per axis.
-
-    PIVlab's 2x3-point Gaussian with the mixed term of a 2-D Gaussian (Nobach and Honkanen 2005), without which oblique
-    textures converge slowly. NaN where the correlations are not concave.
-    """
-    level = np.log(np.maximum(near, 1e-9))
-    gx, gy = (level[:, 1, 2] - level[:, 1, 0]) / 2, (level[:, 2, 1] - level[:, 0, 1]) / 2
-    xx = level[:, 1, 2] + level[:, 1, 0] - 2 * level[:, 1, 1]
-    yy = level[:, 2, 1] + level[:, 0, 1] - 2 * level[:, 1, 1]
-    xy = (level[:, 2, 2] + level[:, 0, 0] - level[:, 2, 0] - level[:, 0, 2]) / 4
-    determinant = np.where((xx < 0) & (xx * yy > xy**2), xx * yy - xy**2, np.nan)
-    step = np.stack([xy * gy - yy * gx, xy * gx - xx * gy], axis=1) / determinant[:, None]
-    return np.clip(step, -1.0, 1.0)
-
-
-def _spectra(patches: NDArray[Any], fraction_px: FloatArray) -> NDArray[np.complex128]:
-    """Spectra (m, N, N/2+1) of patches (m, N, N) minus their weighted means, with windows moved by `fraction_px`."""
-    columns, rows = (_weights(patches.shape[1], fraction_px[:, axis]) for axis in (0, 1))
-    weights = rows[:, :, None] * columns[:, None, :]
-    weighted = patches * weights
-    mean = weighted.sum(axis=(1, 2)) / weights.sum(axis=(1, 2))
-    weighted -= mean[:, None, None] * weights
-    return np.asarray(np.fft.rfft2(weighted))
-
-
-def _weights(side: int, fraction_px: FloatArray) -> FloatArray:
-    """Tukey windows (m, N), moved by `fraction_px` (m,)."""
-    from_middle = np.abs(np.arange(side) - (side - 1) / 2 - fraction_px[:, None])
-    rise = np.clip((side / 2 - from_middle) / (_TAPER * side / 2), 0, 1)
-    return np.asarray(np.sin(np.pi / 2 * rise) ** 2)
-
-
-def _band_pass(side: int) -> FloatArray:
-    """Weights (N, N/2+1) of the frequencies of the cross spectrum."""
-    k = 2 * np.pi * np.fft.fftfreq(side)
-    k2 = k[:, None] ** 2 + k[None, : side // 2 + 1] ** 2
-    return np.asarray((1 - np.exp(-k2 * _HIGH_PASS_PX**2 / 2)) ** 2 * np.exp(-k2 * _LOW_PASS_PX**2))
-
-
-def _both_halves(side: int) -> FloatArray:
-    """Multiplicity (N/2+1,) of each column of a half spectrum in the full one."""
-    return np.array([1.0] + [2.0] * (side // 2 - 1) + [1.0])

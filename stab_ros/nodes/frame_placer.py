@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from stab_ros.core.types import Frame, Homography
 from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
 from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.georeferencing.orientation import Unplaced
+from stab_ros.georeferencing.placement import Motion
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.fix_message import Fix
 from stab_ros.io.topics import FIX_TOPIC
@@ -23,6 +24,9 @@ from stab_ros.nodes.failures import Failures
 from stab_ros.nodes.motion_input import Told
 from stab_ros.parameters.engines import camera_of, make_georeferencer
 
+# the engine of parameters, camera, width and height of images as taken, and `image_H_ref`
+MakeEngine: TypeAlias = Callable[
+    [Mapping[str, Value], Camera | None, tuple[int, int], Homography | None], Georeferencer]
 _SAMPLES = 20_000  # of sensors that are kept for another engine
 
 
@@ -32,6 +36,15 @@ class Taken:
 
     frame: Frame
     source_ns: int
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """A frame that the engine was asked for. source_ns: when its image was published. motion: None, lost or unknown."""
+
+    frame: Frame
+    source_ns: int
+    motion: Motion | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +58,8 @@ class KnownCamera:
 class PlacerCallbacks(Protocol):
     """Who takes the answers."""
 
-    def on_answer(self, answer: Georeferenced, source_ns: int, engine: Georeferencer) -> None:
-        """Of each frame, in order. source_ns: when its image was published."""
+    def on_answer(self, answer: Georeferenced, asked: Asked, engine: Georeferencer) -> None:
+        """Of each frame, in order."""
 
     def on_unusable(self, topic: str, text: str) -> None:
         """A sample that the engine refuses, and why."""
@@ -60,18 +73,32 @@ class FramePlacer:
     """
 
     def __init__(self, values: Mapping[str, Value], stabilized: bool, known: Callable[[], KnownCamera],
-                 failures: Failures, callbacks: PlacerCallbacks) -> None:
-        """values: parameters that were given. stabilized: whether images are. known: what messages tell so far."""
+                 failures: Failures, callbacks: PlacerCallbacks, make: MakeEngine = make_georeferencer) -> None:
+        """Prepares; the engine is made for the first frame.
+
+        Args:
+            values: parameters that were given.
+            stabilized: whether images are.
+            known: what messages tell so far.
+            failures: where errors of the engine are noted.
+            callbacks: who takes the answers.
+            make: makes an engine, as `make_georeferencer` does.
+        """
         self.engine: Georeferencer | None = None
         self.unmade = ""
         self.camera: Camera | None = None
         self.origin: LocalFrame | None = None
         self._values, self._stabilized, self._known = values, stabilized, known
-        self._failures, self._callbacks = failures, callbacks
-        self._pending: deque[Taken] = deque()  # in the engine
+        self._failures, self._callbacks, self._make = failures, callbacks, make
+        self._pending: deque[Asked] = deque()  # in the engine
         self._samples: deque[Sample] = deque(maxlen=_SAMPLES)
         self._size = (0, 0)  # of the last frame
         self._window_H_ref: Homography = np.eye(3)  # of image_stabilized
+
+    @property
+    def image_H_ref(self) -> Homography | None:
+        """From pixels of the reference to those of images that are stabilised; None: they are as taken."""
+        return self._window_H_ref if self._stabilized else None
 
     @property
     def waiting(self) -> int:
@@ -91,8 +118,9 @@ class FramePlacer:
         """
         self._size = taken.frame.size
         engine = self._engine_for(told)
-        engine.add_frame(taken.frame, None if told is None else told.motion)
-        self._pending.append(taken)
+        motion = None if told is None else told.motion
+        engine.add_frame(taken.frame, motion)
+        self._pending.append(Asked(taken.frame, taken.source_ns, motion))
         self._answer(engine, engine.answers)
 
     def add(self, sample: Sample) -> None:
@@ -150,8 +178,8 @@ class FramePlacer:
             place = (self.origin.latitude_deg, self.origin.longitude_deg, self.origin.height_m)
             values = {**values, "origin": ", ".join(map(repr, place))}
         if self._stabilized:
-            return make_georeferencer(values, known.camera, known.reference_size or self._size, self._window_H_ref)
-        return make_georeferencer(values, known.camera, self._size)
+            return self._make(values, known.camera, known.reference_size or self._size, self._window_H_ref)
+        return self._make(values, known.camera, self._size, None)
 
     def _use(self, engine: Georeferencer) -> Georeferencer:
         """Goes on with this engine; frames that wait in the one before are placed by what that knows."""
@@ -181,8 +209,8 @@ class FramePlacer:
             except InputError as error:
                 reason = str(error)
         for _ in range(len(self._pending) - engine.waiting - len(found)):
-            taken = self._pending.popleft()
-            lost = Georeferenced(taken.frame, engine.wse_m, Unplaced(reason or self._failures.last))
-            self._callbacks.on_answer(lost, taken.source_ns, engine)
+            asked = self._pending.popleft()
+            lost = Georeferenced(asked.frame, engine.wse_m, Unplaced(reason or self._failures.last))
+            self._callbacks.on_answer(lost, asked, engine)
         for one in found:
-            self._callbacks.on_answer(one, self._pending.popleft().source_ns, engine)
+            self._callbacks.on_answer(one, self._pending.popleft(), engine)

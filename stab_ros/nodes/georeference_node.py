@@ -4,57 +4,29 @@ from __future__ import annotations
 
 import time
 from dataclasses import fields
-from typing import Any, TypeAlias
+from typing import Any
 
-from stab_ros.core.errors import InputError, MessageError
-from stab_ros.core.kernels import Compilation, compile_kernels
 from stab_ros.core.settings import Value
-from stab_ros.core.timeline import Advance
 from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
-from stab_ros.georeferencing.settings import needs_motion, needs_sensors
-from stab_ros.io.attitude_message import Attitude
 from stab_ros.io.cdr import SECOND_NS
-from stab_ros.io.fix_message import Fix
 from stab_ros.io.georeference_messages import gcps_of_cdr, georeference_values, origin_cdr
-from stab_ros.io.image_message import read_image
-from stab_ros.io.topics import FIX_TOPIC, ORTHO_INFO_TOPIC, STABILIZED_TOPIC, WATER_LEVEL_TOPIC
-from stab_ros.io.water_level_message import WaterLevel
-from stab_ros.jobs.sensor_feed import Sample
+from stab_ros.io.topics import ORTHO_INFO_TOPIC
 from stab_ros.nodes import params
-from stab_ros.nodes.camera_info_subscription import CameraInfoSubscription
-from stab_ros.nodes.failures import Failures
-from stab_ros.nodes.frame_placer import FramePlacer, KnownCamera, Taken
+from stab_ros.nodes.frame_placer import Asked
 from stab_ros.nodes.georeference_publishers import GeoreferencePublishers
 from stab_ros.nodes.georeference_status import GeoreferenceStatus, Result
-from stab_ros.nodes.image_input import ImageInput
-from stab_ros.nodes.motion_input import MotionInput, Told
-from stab_ros.nodes.patience import Patience
-from stab_ros.nodes.runtime import StabNode
-from stab_ros.nodes.sensor_inputs import SensorInputs
+from stab_ros.nodes.placing_node import PlacingNode
 from stab_ros.nodes.spinner import Spinner
-from stab_ros.nodes.stamp_monitor import StampMonitor
-from stab_ros.nodes.stamp_pairing import Pair, StampPairing
-from stab_ros.nodes.throttled_warnings import ThrottledWarnings
-from stab_ros.parameters.engines import check_georeference
+from stab_ros.parameters.engines import check_georeference, make_georeferencer
 from stab_ros.parameters.node_settings import GeoreferenceSettings
 from stab_ros.parameters.table import GEOREFERENCE_PARAMETERS, georeference_config
-
-_POLL_NS = SECOND_NS // 10  # period at which subscribers, publishers and the silence are checked
-_SENSORS = (FIX_TOPIC, "attitude")  # which frames wait for in the engine
-_LENS = ("the tracker does not remove the distortion of this lens, its homographies are not exact; start it with "
-         "use_camera_info:=true")
 
 SETTINGS = params.table_of(GeoreferenceSettings)
 CHANGEABLE = frozenset(GEOREFERENCE_PARAMETERS) - {"camera_file", "crs", "origin"}  # the map stays as it is
 
 
-_Paired: TypeAlias = "Pair[Taken, Told]"
-
-
-class GeoreferenceNode(StabNode):
+class GeoreferenceNode(PlacingNode):
     """Publishes for every image where it lies on the water plane, and its orthophoto."""
-
-    COMPUTES = True
 
     def __init__(self) -> None:
         super().__init__("georeference_node")
@@ -63,221 +35,32 @@ class GeoreferenceNode(StabNode):
         chosen: Any = {item.name: values.pop(item.name) for item in fields(GeoreferenceSettings)}
         self.settings = GeoreferenceSettings(**chosen)
         check_georeference(values)
-        self.values, self._config = values, georeference_config(values)
-        self._stabilized = self.settings.input == STABILIZED_TOPIC
+        config = georeference_config(values)
         self._origin_said = False
         self._rejected: tuple[str, ...] | None = None  # control points, as the last message of them shows
-        self._camera_info = CameraInfoSubscription(self, self._use_camera) if self._takes_camera_info else None
-        self.status = GeoreferenceStatus(self._config.orientation, round(self.settings.stale_s * SECOND_NS))
-        self._images = ImageInput(
-            self, compressed=self.settings.image_transport == "compressed", keep_all=self.settings.queue_depth == 0,
-            may_pass=self._knows_camera, take=self._on_image, dropped=self._on_dropped, topic=self.settings.input)
-        self._motions: MotionInput | None = None
-        self._sensors = SensorInputs(self, self.settings, self, lambda: self._newest_ns)
-        self._frames: StampPairing[Taken, Told] = StampPairing(
-            self.settings.backlog_mb * 1e6, lambda taken: taken.frame.image.nbytes)
-        self._newest_ns = -1  # stamp of the newest frame
-        self._resets = 0  # as far as they were said
-        self._patience: dict[str, Patience] = {}  # with the topics that frames wait for
-        self._warnings = ThrottledWarnings(self.get_logger())
-        self._stamps, self._failures = StampMonitor(), Failures(self.get_logger())
-        self.placer = FramePlacer(values, self._stabilized, self._known_camera, self._failures, self)
+        status = GeoreferenceStatus(config.orientation, round(self.settings.stale_s * SECOND_NS))
+        self.begin(values, config, status, make_georeferencer)
         self.outputs = GeoreferencePublishers(self, lossless=self.settings.queue_depth == 0)
         params.ParameterUpdates(self, GEOREFERENCE_PARAMETERS, self._change)
-        self.create_steady_timer(1.0, self._report)
-
-    # start and end ---------------------------------------------------------------------------------------------------
-    def on_compilation(self, progress: Compilation) -> None:
-        self.status.waiting_for = f"kernels to be compiled, {progress.done} of {progress.total} are done"
-
-    def prepare(self) -> None:
-        compile_kernels()  # done already, unless another executor spins this node
-        self._open_inputs()
-        self.create_steady_timer(_POLL_NS / SECOND_NS, self._poll)
-        self._poll()
+        self.create_steady_timer(1.0, self.report)
 
     def work(self, spinner: Spinner) -> None:
         super().work(spinner)
         self.outputs.flush()
 
-    def on_failure(self, error: BaseException) -> None:
-        if not isinstance(error, Exception):
-            raise error
-        self._failures.note(error)
-
-    # what is taken ---------------------------------------------------------------------------------------------------
     @property
-    def _takes_camera_info(self) -> bool:
-        return self.settings.use_camera_info and not self.values["camera_file"] and not self._stabilized
+    def subscribers(self) -> int:
+        return self.outputs.info.subscribers
 
     @property
-    def _takes_motion(self) -> bool:
-        return self._stabilized or self.settings.use_homographies or needs_motion(self._config)
+    def awaited_topic(self) -> str:
+        return ORTHO_INFO_TOPIC
 
-    def _knows_camera(self) -> bool:
-        """Whether images can be placed: no camera_info is needed, or it is known."""
-        return self._camera_info is None or self._camera_info.camera is not None
-
-    def _known_camera(self) -> KnownCamera:
-        if self._stabilized:
-            motions = self._motions
-            return KnownCamera(None) if motions is None else KnownCamera(motions.camera, motions.reference_size)
-        return KnownCamera(None if self._camera_info is None else self._camera_info.camera)
-
-    def _use_camera(self) -> None:
-        """The camera has become known, or is another one as long as no frame was placed."""
-        self.placer.retry()
-        self._images.release()
-
-    def _poll(self) -> None:
-        """Follows the publishers, starts to take images once subscribers are there, gives up waiting for the silent."""
-        self.free.ticked(_POLL_NS)
-        self._sensors.refresh()
-        self.status.faults = self._sensors.faults
-        if self._camera_info is not None:
-            self._camera_info.refresh()
-        if self._motions is not None:
-            self._motions.refresh()
-        if self._images.is_open:
-            self._images.refresh()
-            self._give_up_waiting()
-        elif self.outputs.info.subscribers >= self.settings.wait_for_subscribers:
-            self._open()
-        else:
-            self.status.waiting_for = f"{self.settings.wait_for_subscribers} subscribers of {ORTHO_INFO_TOPIC}"
-
-    def _open(self) -> None:
-        topic = self._images.open()
-        self._open_inputs()
-        self.status.waiting_for = f"images on {topic}" + (" and camera_info" if self._camera_info else "")
-        self.get_logger().info(f"ready, taking images from {topic}")
-
-    def _open_inputs(self) -> None:
-        """Subscribes to what the orientation takes, once: it may be changed, and changed back."""
-        if needs_sensors(self._config):
-            self._sensors.open_attitude()
-            for topic in _SENSORS:
-                self._await(topic)
-        if self._takes_motion and self._motions is None and self._images.is_open:
-            self._motions = MotionInput(self, self._on_told, lambda text: self.on_unusable("", text))
-            self._await(self._motions.topic)
-
-    # input -----------------------------------------------------------------------------------------------------------
-    def _on_dropped(self, images: int) -> None:
-        self.status.count("frames_dropped", images)
-
-    def _on_image(self, cdr: bytes, source_ns: int) -> None:
-        try:
-            frame = read_image(cdr, self._images.msgtype)
-        except MessageError as error:
-            self.status.count("frames_refused")
-            self._warn("refused", f"refused an image: {error}")
-            return
-        if self._stamps.is_duplicate(frame.stamp_ns):
-            self._on_dropped(1)
-            return
-        self._take_stamp(frame.stamp_ns)
-        self.status.on_image(self.free.ns)
-        self._newest_ns = frame.stamp_ns
-        taken = Taken(frame, source_ns)
-        if self._takes_motion:
-            self._place(self._frames.ask(frame.stamp_ns, taken))
-        else:
-            self._place([Pair(frame.stamp_ns, taken, None)])
-
-    def _take_stamp(self, stamp_ns: int) -> None:
-        """Where stamps go back, samples with later ones are of another time: none of them tells of what comes now."""
-        step = self._stamps.take(stamp_ns)
-        text = self._stamps.words(step)
-        if text:
-            self._warn(step.value, text)
-        if step is Advance.BACK:
-            self.status.restart()
-            if needs_sensors(self._config):
-                self.placer.begin_anew(stamp_ns)
-
-    def _on_told(self, told: Told) -> None:
-        if self._motions is not None:
-            self._heard(self._motions.topic)
-        self._place(self._frames.answer(told.stamp_ns, told))
-
-    def on_fix(self, fix: Fix) -> None:
-        """See `SensorCallbacks`."""
-        self._on_sample(FIX_TOPIC, fix)
-
-    def on_attitude(self, attitude: Attitude) -> None:
-        """See `SensorCallbacks`."""
-        self._on_sample("attitude", attitude)
-
-    def on_water_level(self, level: WaterLevel) -> None:
-        """See `SensorCallbacks`."""
-        self._on_sample(WATER_LEVEL_TOPIC, level)
-
-    def on_unusable(self, topic: str, text: str) -> None:
-        """See `SensorCallbacks`."""
-        self.status.count("messages_refused")
-        self._warn(f"unusable {topic}", f"refused a message: {topic}{topic and ': '}{text}")
-
-    def on_doubt(self, topic: str, text: str) -> None:
-        """See `SensorCallbacks`."""
-        self._warn(f"doubt {topic}", f"{topic}: {text}")
-
-    def _on_sample(self, topic: str, sample: Sample) -> None:
-        offset_ns = 0 if isinstance(sample, WaterLevel) else round(self._config.time_offset_s * SECOND_NS)
-        self.status.on_sample(topic, sample.stamp_ns + offset_ns)
-        self._heard(topic)
-        self.placer.add(sample)
-
-    # silence ---------------------------------------------------------------------------------------------------------
-    def _await(self, topic: str) -> None:
-        """Frames wait for messages of this topic from now on."""
-        self._patience.setdefault(topic, Patience(round(self.settings.wait_s * SECOND_NS)))
-
-    def _heard(self, topic: str) -> None:
-        if topic in self._patience:
-            self._patience[topic].heard(self.free.ns)
-
-    def _give_up_waiting(self) -> None:
-        """Places the frames that wait for what has fallen silent, by what is there."""
-        motions, silent = self._motions, self._silent()
-        if motions is not None and motions.topic in silent and len(self._frames):
-            motions.flush()
-            self._place(self._frames.flush())
-        if any(topic in silent for topic in _SENSORS):
-            self.placer.finish()
-        self.status.silent, self.status.waiting = silent, len(self._frames) + self.placer.waiting
-
-    def _silent(self) -> tuple[str, ...]:
-        """The topics that frames wait for in vain."""
-        return tuple(topic for topic, patience in self._patience.items()
-                     if patience.check(self.free.ns, self._is_awaited(topic)))
-
-    def _is_awaited(self, topic: str) -> bool:
-        """Whether a frame waits for a message of this topic."""
-        if topic not in _SENSORS:
-            return len(self._frames) > 0
-        oldest_ns = self.placer.oldest_ns
-        return oldest_ns is not None and self.status.newest_ns(topic) < oldest_ns
-
-    # placing and output ----------------------------------------------------------------------------------------------
-    def _place(self, pairs: list[_Paired]) -> None:
-        for pair in pairs:
-            try:
-                self.placer.place(pair.question, pair.answer)
-            except InputError as error:
-                self.status.count("frames_refused")
-                self._warn("refused", f"refused an image: {error}")
-                continue
-            if self._camera_info is not None:
-                self._camera_info.locked = True
-            if pair.answer is not None:
-                self._tell_of_reset(pair.answer)
-
-    def on_answer(self, answer: Georeferenced, source_ns: int, engine: Georeferencer) -> None:
+    def on_answer(self, answer: Georeferenced, asked: Asked, engine: Georeferencer) -> None:
         """See `PlacerCallbacks`."""
         orientation = self._config.orientation
         self.outputs.send(answer, None if self._stabilized else self.placer.camera, orientation)
-        latency_ns = time.time_ns() - source_ns
+        latency_ns = time.time_ns() - asked.source_ns
         self._send_map(answer, engine)
         warnings = () if answer.placement is None else answer.placement.warnings
         values = georeference_values(answer, orientation)
@@ -293,42 +76,9 @@ class GeoreferenceNode(StabNode):
             self._rejected = answer.placement.rejected
             self.outputs.send_gcps(gcps_of_cdr(answer, engine.gcps))
 
-    # warnings and diagnostics ----------------------------------------------------------------------------------------
-    def _tell_of_reset(self, told: Told) -> None:
-        if told.motion is None or told.motion.reset_counter == self._resets:
-            return
-        self._resets = told.motion.reset_counter
-        self._warn("reset", f"homographies begin anew at stamp {told.stamp_ns} ns, with another reference; "
-                   f"reset_counter is {self._resets}")
-
-    def _warn(self, kind: str, text: str) -> None:
-        """In the next report, and throttled in the log."""
-        self.status.warn(kind, text)
-        self._warnings.log(kind, text)
-
-    @property
-    def _lens_is_left(self) -> bool:
-        """Whether homographies are of distorted pixels, though the distortion is known."""
-        camera, motions = self.placer.camera, self._motions
-        if self._stabilized or camera is None or motions is None or motions.reference_size is None:
-            return False
-        return camera.distorts and motions.camera is None
-
-    def _report(self) -> None:
-        self.status.before, self.status.unmade = self._images.before, self.placer.unmade
-        of_engine = () if self.placer.engine is None else self.placer.engine.doubts
-        self.status.doubts = (*of_engine, *([_LENS] if self._lens_is_left else []))
-        if self._failures.count > self.status.errors:
-            self.status.errors = self._failures.count
-            self.status.warn("internal", self._failures.last)
-        self.publish_diagnostics(self.status.report(self.free.ns))
-
-    # parameters ------------------------------------------------------------------------------------------------------
     def _change(self, changed: dict[str, Value]) -> None:
         values = {**self.values, **changed}
         config = georeference_config(values)
         check_georeference(values)
-        self.placer.change(values)
+        self.go_on_with(values, config)
         self._rejected = None
-        self.values, self._config, self.status.orientation = values, config, config.orientation
-        self._open_inputs()

@@ -77,3 +77,17 @@ class GeoreferenceSettings(Checked):
         1e6)
     wait_for_subscribers: int = setting(
         0, "Number of subscribers to ortho_info to wait for before taking images", 0, 1000)
+
+
+@dataclass(frozen=True)
+class VelocimetrySettings(GeoreferenceSettings):
+    """Settings of the velocimetry node: those of the georeference node, as it takes the same inputs."""
+
+    input: str = setting(
+        "image_raw", "Images to measure in: image_raw, as taken, or image_stabilized, of the tracker",
+        choices=("image_raw", "image_stabilized"))
+    wait_for_subscribers: int = setting(
+        0, "Number of subscribers to velocity to wait for before taking images", 0, 1000)
+    water_level_timeout_s: float = setting(
+        900.0, "Age in seconds of the last water_level above which /diagnostics warns of it: the scale may be wrong",
+        1.0, 1e6)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -14,8 +14,12 @@ from stab_ros.georeferencing.settings import GeoreferenceConfig
 from stab_ros.methods import METHODS
 from stab_ros.parameters.presets import PRESETS
 from stab_ros.tracking.settings import StabilizerConfig
+from stab_ros.velocimetry.lspiv import LspivConfig
+from stab_ros.velocimetry.settings import PRESETS as VELOCITY_PRESETS
+from stab_ros.velocimetry.settings import VelocityConfig
+from stab_ros.velocimetry.stiv import StivConfig
 
-Config = TypeVar("Config", StabilizerConfig, EvaluatorConfig, GeoreferenceConfig)
+Config = TypeVar("Config", StabilizerConfig, EvaluatorConfig, GeoreferenceConfig, VelocityConfig)
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,7 @@ def _areas() -> Iterator[Parameter]:
 
 def _of_the_tracker() -> Iterator[Parameter]:
     for one in parameters_of(StabilizerConfig):
-        yield _method_or_preset(one) if one.name == "method" else one
+        yield _method_or_preset(one, PRESETS) if one.name == "method" else one
     yield from _areas()
     yield Parameter("static_map", "", Range("Path of a static map of the same reference: a bag written by stabilize, "
                                             'or a PNG (white: static ground); "": the map is estimated at the start'))
@@ -57,8 +61,8 @@ def _of_the_tracker() -> Iterator[Parameter]:
         yield from parameters_of(method.Config, f"{name}.")
 
 
-def _method_or_preset(method: Parameter) -> Parameter:
-    choices = (*method.limits.choices, *PRESETS)
+def _method_or_preset(method: Parameter, presets: Collection[str]) -> Parameter:
+    choices = (*method.limits.choices, *presets)
     doc = f"{method.limits.doc}; a preset selects a method and sets other parameters"
     return dataclasses.replace(method, limits=dataclasses.replace(method.limits, doc=doc, choices=choices))
 
@@ -82,11 +86,33 @@ def _of_georeferencing() -> Iterator[Parameter]:
                                         '"": the centre of the control points, or the first fix'))
 
 
+def _of_velocimetry() -> Iterator[Parameter]:
+    for one in parameters_of(VelocityConfig):
+        yield _method_or_preset(one, VELOCITY_PRESETS) if one.name == "method" else one
+    yield from parameters_of(LspivConfig, "lspiv.")
+    yield from parameters_of(StivConfig, "stiv.")
+    yield Parameter("lines", "", Range("Lines of stiv, JSON [[[x, y], [x, y]], ...] in metres in the map (pixels of "
+                                       "the reference without georeference), or the path of a .json file"))
+    yield Parameter("roi", "", Range(f"Region in which velocities are wanted: {_REGION}"))
+    yield Parameter("exclude", "", Range(f"Region to leave out: {_REGION}"))
+    yield Parameter("static_map", "", Range("Path of a static map of the same reference: a bag written by stabilize, "
+                                            "or a PNG (white: static ground). Its ground is left out, and the velocity "
+                                            'there, which must be 0, is told beside; "": that of the tracker'))
+    yield Parameter("leave_out_bank", True, Range("Whether the ground of the tracker's static map is left out; false: "
+                                                  "only that of the parameter static_map"))
+    yield Parameter("grid_m", 0.0, Range("Side of the cells of velocity_grid in metres (pixels without georeference); "
+                                         "0: what suits the first vectors", 0.0, 10000.0))
+    yield Parameter("orthophotos", False, Range("Whether velocities are measured in orthophotos; false: in the images "
+                                                "as they come, and their vectors are scaled"))
+
+
 Table = Mapping[str, Parameter]
 PARAMETERS: Table = {parameter.name: parameter for parameter in _of_the_tracker()}
 EVALUATOR_PARAMETERS: Table = {parameter.name: parameter for parameter in _of_the_evaluator()}
 
 GEOREFERENCE_PARAMETERS: Table = {parameter.name: parameter for parameter in _of_georeferencing()}
+OWN_VELOCITY_PARAMETERS: Table = {parameter.name: parameter for parameter in _of_velocimetry()}
+VELOCITY_PARAMETERS: Table = {**OWN_VELOCITY_PARAMETERS, **GEOREFERENCE_PARAMETERS}
 
 
 def checked_values(values: Mapping[str, object], table: Table = PARAMETERS) -> dict[str, Value]:
@@ -118,8 +144,19 @@ def table_with_preset(method: object) -> Table:
     """PARAMETERS with the defaults of the preset `method`; unchanged for any other name."""
     if not isinstance(method, str) or method not in PRESETS:
         return PARAMETERS
-    defaults = checked_values({**PRESETS[method], "method": method})
-    return {name: dataclasses.replace(one, default=defaults.get(name, one.default)) for name, one in PARAMETERS.items()}
+    return _with_defaults(PARAMETERS, {**PRESETS[method], "method": method})
+
+
+def velocity_table_with_preset(method: object) -> Table:
+    """VELOCITY_PARAMETERS with the defaults of the preset `method`; unchanged for any other name."""
+    if not isinstance(method, str) or method not in VELOCITY_PRESETS:
+        return VELOCITY_PARAMETERS
+    return _with_defaults(VELOCITY_PARAMETERS, {**VELOCITY_PRESETS[method], "method": method})
+
+
+def _with_defaults(table: Table, values: Mapping[str, Value]) -> Table:
+    defaults = checked_values(values, table)
+    return {name: dataclasses.replace(one, default=defaults.get(name, one.default)) for name, one in table.items()}
 
 
 def check_change(old: Mapping[str, Value], changed: Mapping[str, Value]) -> None:
@@ -159,6 +196,41 @@ def georeference_config(values: Mapping[str, Value]) -> GeoreferenceConfig:
         ConfigError: as `checked_values`, or settings that contradict each other.
     """
     return _config(GeoreferenceConfig, checked_values(values, GEOREFERENCE_PARAMETERS))
+
+
+def velocity_config(values: Mapping[str, Value]) -> VelocityConfig:
+    """The settings of velocimetry: defaults, overridden by a preset, overridden by `values`.
+
+    Raises:
+        ConfigError: as `checked_values`, or settings that contradict each other.
+    """
+    preset = VELOCITY_PRESETS.get(str(values.get("method", "")))
+    if preset is not None:
+        values = {**preset, **values, "method": preset["method"]}
+    return _config(VelocityConfig, checked_values(values, VELOCITY_PARAMETERS))
+
+
+def lspiv_config(values: Mapping[str, Value]) -> LspivConfig:
+    """The settings of `lspiv` among parameters of velocimetry.
+
+    Raises:
+        ConfigError: as `checked_values`, or settings that contradict each other.
+    """
+    return LspivConfig(**_below("lspiv.", values))
+
+
+def stiv_config(values: Mapping[str, Value]) -> StivConfig:
+    """The settings of `stiv` among parameters of velocimetry.
+
+    Raises:
+        ConfigError: as `checked_values`.
+    """
+    return StivConfig(**_below("stiv.", values))
+
+
+def _below(prefix: str, values: Mapping[str, Value]) -> dict[str, Any]:
+    return {name.removeprefix(prefix): value for name, value in checked_values(values, VELOCITY_PARAMETERS).items()
+            if name.startswith(prefix)}
 
 
 def _config(settings: type[Config], values: Mapping[str, Value]) -> Config:

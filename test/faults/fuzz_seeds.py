@@ -64,6 +64,8 @@ from stab_ros.io.cdr import (
 from stab_ros.io.coded_message import CDR_DEFINITIONS
 from stab_ros.io.encodings import DECODED
 from stab_ros.io.track_message import track_cdr
+from stab_ros.io.velocity_message import velocity_cdr
+from stab_ros.velocimetry.vectors import Vectors
 
 _TIME = JAZZY.types["builtin_interfaces/msg/Time"](sec=1_700_000_000, nanosec=123)
 _HEADER = JAZZY.types["std_msgs/msg/Header"](stamp=_TIME, frame_id="cam")
@@ -347,6 +349,24 @@ def homography_tables() -> Iterator[bytes]:
     yield f'{header},matches\r\n0,1,"LOST",,,,,,,,,,7\r\n'.encode()
 
 
+def velocity_tables() -> Iterator[bytes]:
+    header = ("x_start_m,y_start_m,vx_m_s,vy_m_s,speed_m_s,x_end_m,y_end_m,dt_s,sigma_speed_m_s,var_vx,cov_vxvy,var_vy,"
+              "start_ns,end_ns,track_id,shared_vx_0,shared_vy_0")
+    yield f"{header}\n1,2,0.5,0,0.5,1.5,2,1,0.01,1e-4,0,1e-4,1000000000,2000000000,7,0.01,-0.02\n".encode()
+    yield header.replace("_m", "_px").encode()
+
+
+def velocities() -> Iterator[bytes]:
+    v = Vectors(np.array([[1.0, 2]]), np.array([[1.5, 2]]), np.array([10**9]), np.array([2 * 10**9]),
+                np.eye(2)[None] / 100, np.ones((1, 2, 2)) / 50, np.array([7]))
+    yield velocity_cdr(v, 54.2, Header(2 * 10**9, "map"))
+    yield velocity_cdr(v[:0], 0.0, Header(2 * 10**9, "map"))
+
+
+def line_lists() -> Iterator[bytes]:
+    yield b"[[[0, 0], [10.5, 2]], [[1, 2], [3, -4e1]]]"
+
+
 def tracks() -> Iterator[bytes]:
     for track in (Track(State.LOST, 0, 10**9, 0, 2, lost_reason=LostReason.NO_TEXTURE),
                   Track(State.TRACKED, 1, 2 * 10**9, 0, 2, 50, 40, np.eye(3), np.eye(8) / 7, 0.2, 0.1)):
@@ -416,6 +436,7 @@ SEEDS: dict[str, Callable[[], Iterator[bytes]]] = {
     "tiff": tiff_files, "photo": photos,
     "metadata": metadata_files, "points": points_tables, "point_list": point_lists, "polygons": polygons,
     "polygon_file": polygons, "mask": png_files, "static_map": png_files, "homographies": homography_tables,
+    "velocities": velocity_tables, "velocity": velocities, "lines": line_lists,
     "fix": fixes, "attitude": attitudes, "water_level": water_levels,
     "srt": subtitles, "pos": solutions, "table": tables,
     "section": section_tables, "gaugings": gauging_tables,

@@ -30,6 +30,7 @@ from stab_ros.io.homography_message import read_homography
 from stab_ros.io.image_message import read_image
 from stab_ros.io.image_metadata import TURNS, UPRIGHT, read_metadata
 from stab_ros.io.image_topic import read_content, stamp_of
+from stab_ros.io.lines import read_lines
 from stab_ros.io.points import read_points, read_tracking_points
 from stab_ros.io.regions import read_area
 from stab_ros.io.section_file import read_section
@@ -37,6 +38,8 @@ from stab_ros.io.static_maps import read_static_map
 from stab_ros.io.stored_image import stored_images
 from stab_ros.io.tiff_pages import DamagedTiffError
 from stab_ros.io.track_message import read_track
+from stab_ros.io.velocity_csv import read_velocities
+from stab_ros.io.velocity_message import read_velocity
 from stab_ros.io.video import VideoFile
 from stab_ros.io.video_pictures import VideoPictures
 from stab_ros.io.water_level_message import WATER_LEVEL_TYPES, read_water_level
@@ -261,6 +264,9 @@ TARGETS: dict[str, Target] = {
     "geojson": Target(_file("gcps.geojson", lambda path: read_gcps(Path(path))), 30, _GEOJSON),
     "camera_file": Target(_file("camera.yaml", lambda path: read_camera_file(Path(path))), 30, _CAMERA),
     "homographies": Target(_file("H.csv", lambda path: read_homographies(Path(path))), 50, _CSV),
+    "velocities": Target(_file("V.csv", lambda path: read_velocities(Path(path))), 50, _CSV),
+    "velocity": Target(read_velocity, 50),
+    "lines": Target(_text(lambda text: read_lines({"lines": text})), 20, _JSON),
     "parameters": Target(_file("p.yaml", lambda path: read_config(Path(path))), 50, _YAML),
     "output_roi": Target(_text(Window.of), 30, (*_NUMBERS, b",", b", ", b"[", b"]", b"-", b"999999", b"16384")),
 }

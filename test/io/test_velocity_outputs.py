@@ -100,7 +100,8 @@ def test_tracks_on_the_earth(tmp_path: Path) -> None:
 @pytest.mark.parametrize("vectors", [random_vectors(6), random_vectors(6, 0, "px"), random_vectors(0)])
 def test_netcdf(tmp_path: Path, vectors: Vectors) -> None:
     write_netcdf(tmp_path / "V.nc", vectors, 2.0, LocalFrame(46.3, 7.5, 500.0) if vectors.unit == "m" else None)
-    with netcdf_file(tmp_path / "V.nc", "r", mmap=False) as file:
+    opened: Any = netcdf_file(tmp_path / "V.nc", "r", mmap=False)
+    with opened as file:
         assert file.Conventions == b"CF-1.8"
         np.testing.assert_array_equal(file.variables["vx"][:], vectors.velocity_m_s[:, 0])
         if vectors.shared.shape[2]:

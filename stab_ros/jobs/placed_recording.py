@@ -1,0 +1,167 @@
+"""What a recording is placed with: its camera, its homographies or the stabiliser, its sensors."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+from stab_ros.core.errors import InputError
+from stab_ros.core.settings import Value
+from stab_ros.core.types import Homography
+from stab_ros.georeferencing.georeferencer import Georeferencer
+from stab_ros.georeferencing.settings import GeoreferenceConfig, needs_motion, needs_sensors
+from stab_ros.imaging.camera import Camera
+from stab_ros.io.cdr import CAMERA_INFO
+from stab_ros.io.sensors import Sensors, read_sensors
+from stab_ros.io.source import Clock, Kind, Source, kind_of, namespace_of, read_again
+from stab_ros.io.topics import CAMERA_INFO_TOPIC, STABILIZED_TOPIC, topic_in
+from stab_ros.jobs.motions import (
+    MotionOf,
+    RecordedMotions,
+    check_homographies,
+    no_motion,
+    read_motions,
+    stabilised_motion,
+)
+from stab_ros.jobs.pipeline import PictureTracker
+from stab_ros.jobs.sensor_feed import feed
+from stab_ros.parameters.engines import camera_of, make_stabilizer
+from stab_ros.parameters.table import georeference_config
+
+# the engine for a camera, width and height of images as taken, and image_H_ref, as `make_georeferencer` takes them
+MakeEngine = Callable[[Camera | None, tuple[int, int], Homography | None], Georeferencer]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """What to read, and how its frames are placed.
+
+    values: checked parameters of georeferencing, among others. tracker_values: those of the stabiliser, where it runs
+    on the fly. telemetry: recording of the sensors; None: they are in the input, if anywhere.
+    """
+
+    source: Path
+    output: Path
+    values: Mapping[str, Value]
+    tracker_values: Mapping[str, Value] = field(default_factory=dict)
+    image_topic: str | None = None
+    telemetry: Path | None = None
+    limit: int | None = None
+    fps: float | None = None
+    clock: Clock = Clock.HEADER
+
+
+@dataclass(frozen=True, eq=False)
+class Placing:
+    """What works on the pictures of one size.
+
+    camera: of the images; None: of unknown K, or none that distorts. tracker: where it runs on the fly.
+    """
+
+    engine: Georeferencer
+    camera: Camera | None
+    motion_of: MotionOf
+    reference_size: tuple[int, int]
+    image_H_ref: Homography | None
+    tracker: PictureTracker | None
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """What is in a recording beside its images.
+
+    camera: of the images; None: of unknown K. image_H_ref: as for `Georeferencer`. recorded: homographies in the input.
+    sensors: of the input or of --telemetry.
+    """
+
+    job: Placed
+    name: str
+    needs_motion: bool
+    camera: Camera | None
+    image_H_ref: Homography | None
+    recorded: RecordedMotions | None
+    sensors: Sensors | None
+    warnings: tuple[str, ...]
+
+    def begun(self, size: tuple[int, int], make_engine: MakeEngine) -> Placing:
+        """The engine for images of this width and height, with all samples of the sensors.
+
+        Raises:
+            InputError: settings, camera and recording contradict each other.
+        """
+        recorded = None if self.recorded is None or self.image_H_ref is None else self.recorded.reference_size
+        reference_size = recorded or size
+        engine = make_engine(self.camera, reference_size, self.image_H_ref)
+        if self.sensors is not None:
+            feed(engine, self.sensors)
+        file, _ = camera_of(self.job.values, reference_size)
+        camera = self.camera if file is None else file.camera
+        tracker = self._tracker(camera)
+        if self.recorded is not None:
+            return Placing(engine, camera, self.recorded.of, self.recorded.reference_size or size, self.image_H_ref,
+                           None)
+        motion_of = no_motion if tracker is None else stabilised_motion(tracker)
+        return Placing(engine, camera, motion_of, reference_size, self.image_H_ref, tracker)
+
+    def _tracker(self, camera: Camera | None) -> PictureTracker | None:
+        """The stabiliser, where homographies are needed and the recording has none."""
+        job = self.job
+        if self.recorded is not None or not self.needs_motion:
+            return None
+        return PictureTracker(make_stabilizer(job.tracker_values, camera), False, partial(
+            read_again, job.source, job.image_topic, job.fps, job.clock, job.limit))
+
+    def nothing_placed(self, reasons: Counter[str], first_ns: int | None) -> InputError:
+        """The error where not one frame is placed. first_ns: stamp of the first one."""
+        reason, sensors = reasons.most_common(1)[0][0] if reasons else "there is no frame", self.sensors
+        times = "" if sensors is None or not sensors.fixes or first_ns is None else (
+            f"; the fixes are of {sensors.fixes[0].stamp_ns / 1e9:.1f} to {sensors.fixes[-1].stamp_ns / 1e9:.1f} s, "
+            f"the first frame is of {first_ns / 1e9:.1f} s: time_offset_s brings clocks together")
+        return InputError(f"{self.name}: not one frame can be placed: {reason}{times}")
+
+
+def prepared(job: Placed, source: Source, config: GeoreferenceConfig | None = None) -> Recording:
+    """Reads what a recording holds beside its images.
+
+    config: of georeferencing; by default that of the job. Lengths in pixels of the reference take homographies alone.
+
+    Raises:
+        InputError: something is missing.
+    """
+    config = georeference_config(job.values) if config is None else config
+    namespace = namespace_of(source.topics[source.image_topic])
+    recorded = read_motions(job.source, namespace, source.topics) if kind_of(job.source) is Kind.BAG else None
+    sensors = _sensors_of(job, config)
+    stabilised = source.image_topic == topic_in(namespace, STABILIZED_TOPIC)
+    damaged = 0 if recorded is None else recorded.damaged
+    lost = f"{source.name}: {damaged} messages of homographies cannot be read, their frames are lost"
+    warnings = (*((lost,) if damaged else ()), *(() if sensors is None else sensors.warnings))
+    moves = needs_motion(config)
+    if stabilised:
+        recorded = check_homographies(job.source, recorded)
+        return Recording(job, source.name, moves, recorded.camera, recorded.image_H_ref, recorded, sensors, warnings)
+    camera = None if job.values.get("camera_file") else _camera_of(source, namespace)
+    return Recording(job, source.name, moves, camera, None, recorded, sensors, warnings)
+
+
+def _sensors_of(job: Placed, config: GeoreferenceConfig) -> Sensors | None:
+    """The sensors of --telemetry, or those of the input if it is a recording.
+
+    Raises:
+        InputError: the orientation needs sensors that are not there.
+    """
+    where = job.telemetry or job.source
+    sensors = read_sensors(where) if job.telemetry is not None or kind_of(where) is Kind.BAG else None
+    if needs_sensors(config) and (sensors is None or not (sensors.fixes and sensors.attitudes)):
+        raise InputError(f"{where}: dynamic_gps_imu needs fixes (NavSatFix) and attitudes (Imu, QuaternionStamped), as "
+                         "telemetry writes them; name their recording with --telemetry")
+    return sensors
+
+
+def _camera_of(source: Source, namespace: str) -> Camera | None:
+    """The calibration in the recording; None: there is none."""
+    info = source.topics.get(topic_in(namespace, CAMERA_INFO_TOPIC))
+    return source.camera() if info is not None and info.msgtype == CAMERA_INFO and info.count else None

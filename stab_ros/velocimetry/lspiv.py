@@ -1,0 +1,319 @@
+"""LSPIV: velocities of water by cross-correlation of windows on the water plane, for surfaces without single features.
+
+Fujita, Muste and Kruger (1998); ensemble correlation for rivers by Strelnikova et al. (2020). All pictures of an
+interval are mapped to one grid of the plane, lens included. Their correlations are averaged over the pairs of the
+interval before the peak is sought, first over a wide area, then in pictures drawn along what was found, with growing
+time between the pictures of a pair: an error of a hundredth of a pixel matters less the farther the texture went, as
+long as it is still the same. Of each window that time counts by which its variance is the smallest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from stab_ros.core.errors import ConfigError, InputError
+from stab_ros.core.settings import Checked, setting
+from stab_ros.core.types import BoolArray, FloatArray, Gray, IdArray
+from stab_ros.imaging.warp import INTERPOLATION
+from stab_ros.metrics.window_spectra import gaussian_peak
+from stab_ros.velocimetry.correlation_ensemble import BLOCKS, Ensemble, searched
+from stab_ros.velocimetry.correlation_scatter import moderated, scatter_px2, sharpness_px2, variance_factor
+from stab_ros.velocimetry.lspiv_field import filled, widened, window_mean
+from stab_ros.velocimetry.lspiv_plane import Plane, PlanePictures, in_polygons
+from stab_ros.velocimetry.placed_frame import PlacedFrame
+from stab_ros.velocimetry.shared_errors import ErrorModel, Measured, PlaneErrors
+from stab_ros.velocimetry.vectors import Unit, Vectors
+from stab_ros.velocimetry.vectors_join import joined
+
+_MOST_FRAMES = 128  # of an interval that are kept; of more, every second is let go
+_SEARCH_PAIRS = 8
+_SCATTER_DOF = 2.0 * (BLOCKS**2 - 1) / 2  # of a window's covariance; neighbouring blocks share texture
+_LONGER = 4  # times the time between the pictures of a pair, from pass to pass
+_REACH = 0.75  # half sides of what must be seen about a window, in sides: windows move by a quarter either way
+_LARGEST_STEP_PX = 0.5  # of the last pass: a larger one has found another peak
+
+
+@dataclass(frozen=True)
+class LspivConfig(Checked):
+    """How velocities are measured by ensemble correlation; lengths and speeds in the unit of the plane.
+
+    Raises:
+        ConfigError: a value has the wrong type or is out of range, or values contradict each other.
+    """
+
+    interval_s: float = setting(2.0, "Seconds over which each velocity is the mean", 0.05, 600.0)
+    resolution_m: float = setting(
+        0.0, "Side of a pixel of the grid on the water plane; 0: the median ground sampling distance, coarser for more "
+        "than 2.2 million pixels", 0.0, 1000.0)
+    window_px: int = setting(
+        48, "Side of the interrogation windows in pixels of the grid, a multiple of 4", 16, 256)
+    windows_per_side: int = setting(
+        2, "Number of windows that begin within the side of one: 1 (side by side), 2 (half overlapping) or 4", 1, 4)
+    max_speed_m_s: float = setting(
+        0.0, "Highest speed that is sought; 0: a quarter of the window from frame to frame", 0.0, 100000.0)
+    gap_s: float = setting(
+        0.0, "Longest time between the pictures of a pair, for slow water; 0: a quarter of interval_s", 0.0, 60.0)
+    pairs: int = setting(24, "Largest number of pairs of pictures of an interval that are correlated", 4, 1000)
+    min_correlation: float = setting(0.2, "Mean correlation coefficient below which there is no vector", 0.0, 1.0)
+    min_peak_ratio: float = setting(
+        1.2, "Ratio of the highest peak of the search to the second one below which there is no vector", 1.0, 100.0)
+    interpolation: str = setting("cubic", "Interpolation of the pictures on the grid", choices=tuple(INTERPOLATION))
+    clock_sigma: float = setting(1e-4, "Relative standard deviation of the rate of the clock of the stamps", 0.0, 0.1)
+    stamp_sigma_s: float = setting(0.0, "Standard deviation of a stamp in seconds", 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.window_px % BLOCKS:
+            raise ConfigError(f"window_px: {self.window_px} must be a multiple of {BLOCKS}")
+        if BLOCKS % self.windows_per_side:
+            raise ConfigError(f"windows_per_side: {self.windows_per_side} must be 1, 2 or 4")
+
+
+class Lspiv:
+    """Measures the velocities of a grid of windows, anew for each interval; a `Method`."""
+
+    def __init__(self, config: LspivConfig, unit: Unit = "m", water: Sequence[FloatArray] = ()) -> None:
+        """Starts without frames.
+
+        Args:
+            config: how to measure.
+            unit: of the plane.
+            water: polygons (n, 2) on the plane, in which the middles of the windows lie; none: everywhere.
+        """
+        self._config, self._unit, self._water = config, unit, tuple(water)
+        self._interval: _Interval | None = None
+        self._epoch = 0
+        self._next_id = 0
+
+    def add(self, frame: PlacedFrame) -> Vectors | None:
+        """Takes the next frame; see `Method`.
+
+        Raises:
+            InputError: the first frame of an epoch shows nothing of the plane.
+        """
+        ended = None
+        if self._interval is not None and frame.epoch != self._epoch:
+            ended, self._interval = self.finish(), None
+        if self._interval is None:
+            self._interval, self._epoch = _Interval(self._windows(frame)), frame.epoch
+        self._interval.add(frame)
+        if self._interval.duration_s < self._config.interval_s * (1 - 1e-6):
+            return ended
+        vectors = self._vectors()
+        self._interval = _Interval(self._interval.windows)
+        self._interval.add(frame)
+        return vectors
+
+    def finish(self) -> Vectors | None:
+        """See `Method`; half an interval suffices."""
+        if self._interval is None or self._interval.duration_s < self._config.interval_s / 2:
+            return None
+        vectors, self._interval = self._vectors(), None
+        return vectors
+
+    def _windows(self, frame: PlacedFrame) -> _Windows:
+        reach_px = _REACH * self._config.window_px + self._config.window_px / 2
+        plane = Plane.seen_by(frame, self._unit, self._config.resolution_m, self._water, reach_px)
+        return _Windows(self._config, plane, self._water)
+
+    def _vectors(self) -> Vectors | None:
+        if self._interval is None or len(self._interval.pictures) < 3:
+            return None
+        first_id, self._next_id = self._next_id, self._next_id + len(self._interval.windows.centres_px)
+        return self._interval.measured(self._config, self._unit, first_id)
+
+
+class _Windows:
+    """The grid and its windows, which stay where they are for an epoch; they lie in rows and columns."""
+
+    def __init__(self, config: LspivConfig, plane: Plane, water: Sequence[FloatArray]) -> None:
+        side, self.step_px = config.window_px, config.window_px // config.windows_per_side
+        self.plane, self.side_px, self.first_px = plane, side, (side - 1) / 2
+        columns, rows = ((n - side) // self.step_px + 1 for n in plane.grid.size)
+        if min(columns, rows) < 1:
+            raise InputError(f"window_px: no window of {side} px fits into the grid of {plane.grid.size[0]}x"
+                             f"{plane.grid.size[1]} px, make it smaller or resolution_m finer")
+        self.shape = rows, columns
+        x, y = (self.first_px + self.step_px * np.arange(n) for n in (columns, rows))
+        self.centres_px = np.stack([axis.ravel() for axis in np.meshgrid(x, y)], axis=1)
+        self.on_water = in_polygons(plane.to_plane(self.centres_px), water)
+        self.pictures = PlanePictures(plane, config.interpolation)
+        width, height = plane.grid.size
+        self.errors = ErrorModel(plane.to_plane(np.array([[0.0, 0], [width, height]])))
+
+    def parts(self, blocks: FloatArray) -> FloatArray:
+        """(N, BLOCKS^2, 3, 3): what lies in each window, of all blocks (r, c, 3, 3)."""
+        every = self.step_px * BLOCKS // self.side_px
+        views = sliding_window_view(blocks, (BLOCKS, BLOCKS), axis=(0, 1))[::every, ::every]
+        views = views[: self.shape[0], : self.shape[1]]
+        return np.moveaxis(views, (4, 5), (2, 3)).reshape(-1, BLOCKS**2, 3, 3)
+
+
+class _Interval:
+    """The pictures of an interval, and the velocities measured in them."""
+
+    def __init__(self, windows: _Windows) -> None:
+        self.windows = windows
+        self.pictures: list[Gray] = []
+        self.stamps_ns: list[int] = []
+        self.seen: list[BoolArray] = []
+        self.errors: list[PlaneErrors] = []
+        self._stride, self._count = 1, 0
+
+    @property
+    def duration_s(self) -> float:
+        """From the first to the last frame."""
+        return (self._last_ns - self.stamps_ns[0]) * 1e-9 if self.stamps_ns else 0.0
+
+    def add(self, frame: PlacedFrame) -> None:
+        self._last_ns = frame.stamp_ns
+        if self._count % self._stride == 0:
+            self._keep(frame)
+        self._count += 1
+        if len(self.pictures) > _MOST_FRAMES:
+            for kept in (self.pictures, self.stamps_ns, self.seen, self.errors):
+                del kept[1::2]
+            self._stride *= 2
+
+    def _keep(self, frame: PlacedFrame) -> None:
+        windows = self.windows
+        self.pictures.append(windows.pictures.make(frame))
+        self.stamps_ns.append(frame.stamp_ns)
+        self.seen.append(windows.pictures.shows(frame, windows.centres_px, _REACH * windows.side_px))
+        self.errors.append(windows.errors.of(frame))
+
+    def measured(self, config: LspivConfig, unit: Unit, first_id: int) -> Vectors | None:
+        """The vectors of all windows that are seen in each frame and have a clear peak; None: there are none."""
+        usable = np.logical_and.reduce([*self.seen, self.windows.on_water])
+        found = _Search(config, self.pictures, np.array(self.stamps_ns), self.windows, usable).run()
+        parts = [self._as_vectors(config, unit, part, first_id) for part in found if len(part.at)]
+        return joined(parts) if parts else None
+
+    def _as_vectors(self, config: LspivConfig, unit: Unit, found: _Found, first_id: int) -> Vectors:
+        plane = self.windows.plane
+        velocity, middle = plane.velocity(found.velocity_px_s), plane.to_plane(self.windows.centres_px[found.at])
+        turn = plane.plane_H_grid[:2, :2]
+        half = velocity * found.dt_s.mean() / 2
+        measured = Measured(found.pairs, np.full(len(found.pairs), 1 / len(found.pairs)), found.dt_s,
+                            middle - half, middle + half)
+        shared = self.windows.errors.columns(self.errors, measured, velocity, config.clock_sigma, config.stamp_sigma_s)
+        way = velocity * (self.stamps_ns[-1] - self.stamps_ns[0]) * 1e-9 / 2
+        count = len(velocity)
+        starts_ns, ends_ns = (np.full(count, stamp_ns) for stamp_ns in (self.stamps_ns[0], self.stamps_ns[-1]))
+        return Vectors(middle - way, middle + way, starts_ns, ends_ns,
+                       turn @ found.covariance_px2_s2 @ turn.T, shared, first_id + found.at, unit)
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """velocity_px_s (N, 2) of windows at (N,), its covariance (N, 2, 2), by pairs (P, 2) that are dt_s (P,) apart."""
+
+    at: IdArray
+    velocity_px_s: FloatArray
+    covariance_px2_s2: FloatArray
+    pairs: IdArray
+    dt_s: FloatArray
+
+    def part(self, keep: BoolArray) -> _Found:
+        return _Found(self.at[keep], self.velocity_px_s[keep], self.covariance_px2_s2[keep], self.pairs, self.dt_s)
+
+
+def _best(found: Sequence[_Found], count: int) -> list[_Found]:
+    """Each of `count` windows only where its variance is the smallest."""
+    variance = np.full((len(found), count), np.inf)
+    for row, one in zip(variance, found, strict=True):
+        row[one.at] = np.trace(one.covariance_px2_s2, axis1=1, axis2=2)
+    return [one.part(variance.argmin(axis=0)[one.at] == k) for k, one in enumerate(found)]
+
+
+class _Search:
+    """From a wide search to the last pass."""
+
+    def __init__(self, config: LspivConfig, pictures: Sequence[Gray], stamps_ns: IdArray, windows: _Windows,
+                 usable: BoolArray) -> None:
+        self._config, self._pictures, self._windows, self._usable = config, pictures, windows, usable
+        self._time_s = (stamps_ns - stamps_ns[0]) * 1e-9
+        self._frame_s = float(np.median(np.diff(self._time_s)))
+        self._ensemble = Ensemble(pictures, windows.side_px)
+
+    def run(self) -> list[_Found]:
+        """What each time between the pictures of a pair measures best: a window is in one of them at most."""
+        velocity, clear, gap = self._first()
+        found: list[_Found] = []
+        while clear.any():
+            velocity = self._pass(velocity, clear, gap)
+            found.append(self._measured(velocity, clear, gap))
+            velocity[found[-1].at] = found[-1].velocity_px_s
+            if gap == self._longest_gap:
+                break
+            gap = min(_LONGER * gap, self._longest_gap)
+            clear = clear & (np.hypot(*velocity.T) * gap * self._frame_s <= self._windows.side_px / 2)
+        return _best(found, len(self._usable))
+
+    def _first(self) -> tuple[FloatArray, BoolArray, int]:
+        """Velocities (N, 2) by the wide search, which are clear (N,), and the frames between two pictures."""
+        reach_px, gap = self._windows.side_px // 4, 1
+        if self._config.max_speed_m_s:
+            frame_px = self._config.max_speed_m_s / self._windows.plane.grid.resolution_m * self._frame_s
+            gap = min(max(int(reach_px / frame_px), 1), self._longest_gap)
+            reach_px = int(np.ceil(gap * frame_px)) + 1
+        pairs, at = self._pairs(gap, _SEARCH_PAIRS), np.flatnonzero(self._usable)
+        shift, ratio = searched(self._pictures, pairs, self._windows.centres_px[at], self._windows.side_px, reach_px)
+        clear, velocity = self._usable.copy(), np.zeros((len(self._usable), 2))
+        clear[at] = (ratio >= self._config.min_peak_ratio) & (np.abs(shift).max(axis=1, initial=0) < reach_px)
+        velocity[at] = shift / self._dt_s(pairs).mean()
+        return velocity, clear, gap
+
+    def _pass(self, velocity: FloatArray, clear: BoolArray, gap: int) -> FloatArray:
+        """Velocities improved by pairs that are `gap` frames apart; as they were where there is no peak."""
+        pairs = self._pairs(gap, _SEARCH_PAIRS)
+        expected, blocks = self._correlated(velocity, clear, pairs)
+        step = gaussian_peak(self._windows.parts(blocks).sum(axis=1))
+        return np.asarray(expected + np.nan_to_num(step) / self._dt_s(pairs).mean())
+
+    def _measured(self, velocity: FloatArray, clear: BoolArray, gap: int) -> _Found:
+        pairs = self._pairs(gap, self._config.pairs)
+        expected, blocks = self._correlated(velocity, clear, pairs)
+        parts = self._windows.parts(blocks) / BLOCKS**2
+        near = parts.sum(axis=1)
+        step = gaussian_peak(near)
+        good = clear & (near[:, 1, 1] >= self._config.min_correlation) & (
+            np.abs(step).max(axis=1, initial=0) <= _LARGEST_STEP_PX)  # NaN compares false
+        dt_s = self._dt_s(pairs)
+        mean_s = dt_s.mean()
+        measured = expected + step / mean_s
+        covariance = moderated(scatter_px2(parts[good]), sharpness_px2(near[good]), _SCATTER_DOF) / mean_s**2
+        covariance *= self._variance_factor(measured, good, covariance)
+        return _Found(np.flatnonzero(good), measured[good], covariance, pairs, dt_s)
+
+    def _variance_factor(self, velocity: FloatArray, good: BoolArray, covariance: FloatArray) -> float:
+        shape = (*self._windows.shape, 2)
+        values, variance = np.where(good[:, None], velocity, np.nan), np.ones_like(velocity)
+        variance[good] = np.diagonal(covariance, axis1=1, axis2=2)
+        return variance_factor(values.reshape(shape), variance.reshape(shape), self._config.windows_per_side)
+
+    def _correlated(self, velocity: FloatArray, clear: BoolArray, pairs: IdArray) -> tuple[FloatArray, FloatArray]:
+        """The velocities (N, 2) that the pictures are drawn along, and the mean correlations (r, c, 3, 3) of blocks."""
+        windows = self._windows
+        field = widened(filled(velocity.reshape(*windows.shape, 2), clear.reshape(windows.shape)))
+        first_px = windows.first_px - windows.step_px
+        blocks = [self._ensemble.blocks((a, b), dt_s * field, first_px, windows.step_px)
+                  for (a, b), dt_s in zip(pairs.tolist(), self._dt_s(pairs).tolist(), strict=True)]
+        return window_mean(field, self._config.windows_per_side).reshape(-1, 2), np.mean(blocks, axis=0)
+
+    @property
+    def _longest_gap(self) -> int:
+        longest_s = self._config.gap_s or float(self._time_s[-1]) / 4
+        return max(min(round(longest_s / self._frame_s), len(self._pictures) - 1), 1)
+
+    def _pairs(self, gap: int, count: int) -> IdArray:
+        """(P, 2): up to `count` pairs of pictures that are `gap` frames apart, even over the interval."""
+        starts = np.unique(np.round(np.linspace(0, len(self._pictures) - 1 - gap, count)).astype(np.int64))
+        return np.stack([starts, starts + gap], axis=1)
+
+    def _dt_s(self, pairs: IdArray) -> FloatArray:
+        return np.asarray(self._time_s[pairs[:, 1]] - self._time_s[pairs[:, 0]])

@@ -1,0 +1,185 @@
+"""STIV: velocities along given lines from space-time images (Fujita, Watanabe and Tsubaki 2007).
+
+A line measures the component of the velocity along it, also of water that crosses it at an angle; it does not see
+the component across. As a vector the latter is 0, with the standard deviation that the flow's angle to the line is
+trusted by: the covariance is `along along^T sigma^2 + across across^T (v tan(angle_sigma_rad))^2`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stab_ros.core.settings import Checked, setting
+from stab_ros.core.types import BoolArray, FloatArray
+from stab_ros.georeferencing.horizon import gsd_m, sampled_pixels, shown_well
+from stab_ros.velocimetry.lspiv_plane import camera_of
+from stab_ros.velocimetry.placed_frame import PlacedFrame
+from stab_ros.velocimetry.shared_errors import ErrorModel, Measured, PlaneErrors
+from stab_ros.velocimetry.stiv_line import Line, longest_run
+from stab_ros.velocimetry.stiv_slope import Slope, cleaned, slope_of
+from stab_ros.velocimetry.vectors import Unit, Vectors
+from stab_ros.velocimetry.vectors_join import joined
+
+_MOST_FRAMES = 512  # of an interval that are kept; of more, every second is let go
+_LEAST_FRAMES = 10
+_LEAST_SAMPLES = 32  # of a line
+_FASTEST_PX = 16.0  # per frame, where no speed is given
+
+
+@dataclass(frozen=True)
+class StivConfig(Checked):
+    """How velocities are measured along lines; lengths and speeds in the unit of the plane."""
+
+    interval_s: float = setting(4.0, "Seconds over which each velocity is the mean", 0.2, 600.0)
+    resolution_m: float = setting(
+        0.0, "Distance of the samples along a line; 0: the median ground sampling distance of the first frame", 0.0,
+        1000.0)
+    rows: int = setting(3, "Number of parallel rows, one sample apart, whose mean is taken", 1, 51)
+    max_speed_m_s: float = setting(
+        0.0, "Highest speed that is sought; 0: 16 samples from frame to frame", 0.0, 100000.0)
+    min_correlation: float = setting(0.1, "Mean correlation coefficient below which there is no vector", 0.0, 1.0)
+    angle_sigma_rad: float = setting(
+        0.2, "Standard deviation of the angle of the flow to the lines in radians", 0.0, 1.5)
+    clock_sigma: float = setting(1e-4, "Relative standard deviation of the rate of the clock of the stamps", 0.0, 0.1)
+    stamp_sigma_s: float = setting(0.0, "Standard deviation of a stamp in seconds", 0.0, 1.0)
+
+
+class Stiv:
+    """Measures one vector for each line and interval; a `Method`.
+
+    `Vectors.track_id` is the number of the interval times the number of lines, plus that of the line.
+    """
+
+    def __init__(self, config: StivConfig, lines: Sequence[FloatArray], unit: Unit = "m") -> None:
+        """Starts without frames.
+
+        Args:
+            config: how to measure.
+            lines: each (2, 2), two points on the plane, downstream from the first to the second; of other directions
+                velocities are negative along the line, and the vector is right all the same.
+            unit: of the plane.
+        """
+        self._config, self._ends, self._unit = config, tuple(np.asarray(line, float) for line in lines), unit
+        self._lines: tuple[Line, ...] = ()
+        self._interval: _Interval | None = None
+        self._epoch = self._intervals = 0
+
+    def add(self, frame: PlacedFrame) -> Vectors | None:
+        """Takes the next frame; see `Method`.
+
+        Raises:
+            InputError: a line is too short or too long for the resolution.
+        """
+        ended = None
+        if self._interval is not None and frame.epoch != self._epoch:
+            ended, self._interval = self.finish(), None
+        if self._interval is None:
+            self._lines, self._epoch = self._sampled(frame), frame.epoch
+            self._interval = _Interval(self._lines)
+        self._interval.add(frame)
+        if self._interval.duration_s < self._config.interval_s * (1 - 1e-6):
+            return ended
+        vectors, self._interval = self._vectors(self._interval), _Interval(self._lines)
+        self._interval.add(frame)
+        return vectors
+
+    def finish(self) -> Vectors | None:
+        """See `Method`; half an interval suffices."""
+        if self._interval is None or self._interval.duration_s < self._config.interval_s / 2:
+            return None
+        vectors, self._interval = self._vectors(self._interval), None
+        return vectors
+
+    def _sampled(self, frame: PlacedFrame) -> tuple[Line, ...]:
+        step = self._config.resolution_m or _median_gsd(frame, self._unit)
+        return tuple(Line.between(ends, step, self._config.rows) for ends in self._ends)
+
+    def _vectors(self, interval: _Interval) -> Vectors | None:
+        if len(interval.stamps_ns) < _LEAST_FRAMES:
+            return None
+        first_id = self._intervals * len(self._lines)
+        self._intervals += 1
+        return interval.measured(self._config, self._unit, first_id)
+
+
+class _Interval:
+    """The space-time images of an interval."""
+
+    def __init__(self, lines: Sequence[Line]) -> None:
+        self._lines = lines
+        ends = [line.place(at) for line in lines for at in (0, line.count - 1)]
+        self._model = ErrorModel(np.array(ends).reshape(-1, 2)) if lines else None
+        self.stamps_ns: list[int] = []
+        self._rows: list[list[FloatArray]] = []
+        self._shown: list[list[BoolArray]] = []
+        self._errors: list[PlaneErrors] = []
+        self._stride, self._count, self._last_ns = 1, 0, 0
+
+    @property
+    def duration_s(self) -> float:
+        """From the first to the last frame."""
+        return (self._last_ns - self.stamps_ns[0]) * 1e-9 if self.stamps_ns else 0.0
+
+    def add(self, frame: PlacedFrame) -> None:
+        self._last_ns = frame.stamp_ns
+        if self._count % self._stride == 0:
+            self._keep(frame)
+        self._count += 1
+        if len(self.stamps_ns) > _MOST_FRAMES:
+            for kept in (self.stamps_ns, self._rows, self._shown, self._errors):
+                del kept[1::2]
+            self._stride *= 2
+
+    def _keep(self, frame: PlacedFrame) -> None:
+        seen = [line.seen_by(frame) for line in self._lines]
+        self.stamps_ns.append(frame.stamp_ns)
+        self._rows.append([values for values, _ in seen])
+        self._shown.append([shown for _, shown in seen])
+        if self._model is not None:
+            self._errors.append(self._model.of(frame))
+
+    def measured(self, config: StivConfig, unit: Unit, first_id: int) -> Vectors | None:
+        """One vector for each line that has a clear slope; None: none has."""
+        found = [vector for i, line in enumerate(self._lines)
+                 if (vector := self._vector(i, line, config, unit, first_id)) is not None]
+        return joined(found) if found else None
+
+    def _vector(self, i: int, line: Line, config: StivConfig, unit: Unit, first_id: int) -> Vectors | None:
+        part = longest_run(np.logical_and.reduce([shown[i] for shown in self._shown]))
+        if part.stop - part.start < _LEAST_SAMPLES:
+            return None
+        image = cleaned(np.stack([row[i][part] for row in self._rows]))
+        time_s = (np.array(self.stamps_ns) - self.stamps_ns[0]) * 1e-9
+        fastest_px_s = config.max_speed_m_s / line.step or _FASTEST_PX / float(np.median(np.diff(time_s)))
+        slope = slope_of(image, time_s, fastest_px_s)
+        if slope is None or slope.correlation < config.min_correlation:
+            return None
+        return self._as_vector(line, line.place((part.start + part.stop - 1) / 2), slope, config, unit, first_id + i)
+
+    def _as_vector(self, line: Line, middle: FloatArray, slope: Slope, config: StivConfig, unit: Unit,
+                   track_id: int) -> Vectors | None:
+        if self._model is None:
+            return None
+        speed = slope.velocity_px_s * line.step
+        velocity = speed * line.along
+        along, across = np.outer(line.along, line.along), np.outer(line.across, line.across)
+        covariance = along * slope.variance_px2_s2 * line.step**2
+        covariance = covariance + across * (speed * np.tan(config.angle_sigma_rad)) ** 2
+        time_s = np.array(self.stamps_ns) * 1e-9
+        dt_s = time_s[slope.pairs[:, 1]] - time_s[slope.pairs[:, 0]]
+        half = velocity * float(slope.weights @ dt_s) / 2
+        measured = Measured(slope.pairs, slope.weights, dt_s, (middle - half)[None], (middle + half)[None])
+        shared = along @ self._model.columns(self._errors, measured, velocity[None], config.clock_sigma,
+                                             config.stamp_sigma_s)
+        way = velocity * self.duration_s / 2
+        return Vectors((middle - way)[None], (middle + way)[None], np.array([self.stamps_ns[0]]),
+                       np.array([self._last_ns]), covariance[None], shared, np.array([track_id]), unit)
+
+
+def _median_gsd(frame: PlacedFrame, unit: Unit) -> float:
+    H = (np.diag([1.0, -1.0, 1.0]) if unit == "px" else np.eye(3)) @ frame.plane_H_image
+    pixels = shown_well(H, sampled_pixels(camera_of(frame)))
+    return float(np.median(gsd_m(H, pixels)))

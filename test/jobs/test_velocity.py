@@ -1,0 +1,67 @@
+"""`stab-ros velocity` as users call it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import Command
+
+from stab_ros.io.bag import open_bag
+from stab_ros.io.velocity_csv import read_velocities
+from stab_ros.io.velocity_message import read_velocity
+
+SHORT = ("-p", "extract_s:=0.2", "-p", "max_gap_s:=1.0", "-p", "features:=200")
+
+
+@pytest.fixture(scope="module")
+def measured(recordings: dict[str, Path], executable: Command, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with every output of a flight whose reference has 2 cm per pixel."""
+    folder = tmp_path_factory.mktemp("velocity")
+    done = executable("velocity", recordings["mcap"], folder / "V.mcap", "--csv", folder / "V.csv", "--tracks",
+                      folder / "T.geojson", "--netcdf", folder / "V.nc", "--html", folder / "V.html", "-p",
+                      "gsd_m:=0.02", *SHORT)
+    assert done.returncode == 0, done.stderr
+    assert "m/s" in done.stdout
+    return folder
+
+
+def test_outputs_tell_the_same(measured: Path) -> None:
+    table = read_velocities(measured / "V.csv")
+    with open_bag(measured / "V.mcap") as bag:
+        parts = [read_velocity(message.data)[1] for message in bag.messages(["/cam/velocity"])]
+        assert {"/cam/velocity", "/cam/velocity_grid", "/cam/velocimetry_node/markers"} <= set(bag.topics)
+    np.testing.assert_array_equal(np.concatenate([part.start_m for part in parts]), table.start_m)
+    np.testing.assert_array_equal(np.concatenate([part.shared for part in parts]), table.shared)
+    assert len(json.loads((measured / "T.geojson").read_text())["features"]) == len(table) > 0
+
+
+def test_page_tells_of_the_bank(measured: Path) -> None:
+    page = (measured / "V.html").read_text()
+    assert "The bank moves by" in page or "No static map" in page or "too little" in page
+    assert page.count("<img") >= 4
+
+
+def test_pixels_without_georeference(recordings: dict[str, Path], executable: Command, tmp_path: Path) -> None:
+    done = executable("velocity", recordings["mcap"], tmp_path / "V.mcap", "--csv", tmp_path / "V.csv", *SHORT)
+    assert done.returncode == 0, done.stderr
+    vectors = read_velocities(tmp_path / "V.csv")
+    assert (vectors.unit, "px/s" in done.stdout) == ("px", True)
+
+
+@pytest.mark.parametrize(("words", "what"), [
+    (("-p", "extract_s:=0"), "extract_s"),
+    (("-p", "no_such:=1"), "no_such"),
+    (("--csv", "V.txt"), "*.csv"),
+    (("-p", "orientation:=dynamic_gcps"), "ground control points"),
+])
+def test_bad_arguments_are_one_line(
+    recordings: dict[str, Path], executable: Command, tmp_path: Path, words: tuple[str, ...], what: str
+) -> None:
+    done = executable("velocity", recordings["mcap"], tmp_path / "V.mcap", *words)
+    assert done.returncode == 2
+    assert what in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,81 @@
+"""The velocimetry node as users run it: a separate process over DDS, whose vectors are those of the command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from conftest import Command
+from diagnostic_msgs.msg import DiagnosticArray
+from live_graph import Graph, values_of
+from rclpy.serialization import serialize_message
+from recordings import entries, write_mcap
+from sensor_msgs.msg import Image, PointCloud2
+from visualization_msgs.msg import MarkerArray
+
+from stab_ros.io.bag import open_bag
+from stab_ros.io.point_cloud import read_cloud
+from stab_ros.synthetic.flight import Shot
+
+NODE = "/cam/velocimetry_node"
+SETTINGS: dict[str, Any] = {"gsd_m": 0.02, "extract_s": 0.2, "max_gap_s": 1.0, "features": 200}
+
+
+def tables(messages: list[bytes]) -> list[tuple[int, Any]]:
+    found = [read_cloud(cdr) for cdr in messages]
+    return [(header.stamp_ns, table) for header, table in found]
+
+
+def check_same(live: list[bytes], offline: list[bytes]) -> None:
+    """That the clouds hold the same numbers to 1e-9."""
+    assert len(live) == len(offline) > 1
+    for (stamp_ns, table), (same_ns, same) in zip(tables(live), tables(offline), strict=True):
+        assert stamp_ns == same_ns
+        assert table.dtype.names == same.dtype.names
+        assert len(table) == len(same)
+        for name in table.dtype.names or ():
+            np.testing.assert_allclose(table[name], same[name], rtol=1e-9, atol=1e-9, err_msg=name)
+
+
+def test_live_gives_what_the_command_gives(
+    graph: Graph, flight: list[Shot], executable: Command, tmp_path: Path
+) -> None:
+    flown = write_mcap(tmp_path / "flown.mcap", list(entries(flight)))
+    clouds = {topic: graph.listen(PointCloud2, f"/cam/{topic}") for topic in ("velocity", "velocity_grid")}
+    markers: list[Any] = graph.listen(MarkerArray, f"{NODE}/markers")
+    pictures: list[Any] = graph.listen(Image, f"{NODE}/image_velocity")
+    node = graph.start("velocimetry_node", "/cam", queue_depth=0, wait_for_subscribers=1, use_camera_info=False,
+                       **SETTINGS)
+    tracker = graph.start("tracker_node", "/cam", queue_depth=0, wait_for_subscribers=1)
+    player = graph.start("bag_player_node", bag=str(flown), wait_for_subscribers=2, rate=100.0)
+    assert player.wait() == 0
+
+    given = [word for name, value in SETTINGS.items() for word in ("-p", f"{name}:={value}")]
+    done = executable("velocity", flown, tmp_path / "offline.mcap", *given)
+    assert done.returncode == 0, done.stderr
+    with open_bag(tmp_path / "offline.mcap") as bag:
+        offline = {topic: [message.data for message in bag.messages([f"/cam/{topic}"])] for topic in clouds}
+    graph.until(lambda: len(clouds["velocity"]) >= len(offline["velocity"]) - 1, "all intervals but the last")
+    assert (tracker.stop(), node.stop()) == (0, 0)  # the interval under way is told at the end
+    heard = [*clouds.values(), markers]
+    graph.until(lambda: all(len(one) == len(offline["velocity"]) for one in heard), "the last interval")
+    for topic, live in clouds.items():
+        check_same([serialize_message(one) for one in live], offline[topic])
+    assert {one.header.frame_id for one in clouds["velocity"]} == {"map"}
+    assert pictures
+    assert (pictures[0].encoding, pictures[0].height) == ("bgr8", flight[0].image.shape[0])
+
+
+def test_bad_parameters_end_the_node(graph: Graph) -> None:
+    node = graph.start("velocimetry_node", "/cam", extract_s=0.0)
+    assert node.wait() == 2
+    assert "extract_s" in node.log
+
+
+def test_what_it_waits_for_is_said(graph: Graph) -> None:
+    reports: list[Any] = graph.listen(DiagnosticArray, "/diagnostics")
+    node = graph.start("velocimetry_node", "/cam", wait_for_subscribers=1)
+    graph.until(lambda: any("subscribers of velocity" in one.status[0].message for one in reports), "what it waits for")
+    assert values_of(reports[-1])["unit"] == "px/s"
+    assert node.stop() == 0

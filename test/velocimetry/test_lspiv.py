@@ -1,0 +1,103 @@
+"""Ensemble correlation against textures that move with a known velocity, under cameras of known motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from moving_texture_lspiv import MovingTexture, shear, uniform
+
+from stab_ros.core.errors import ConfigError, InputError
+from stab_ros.core.types import FloatArray
+from stab_ros.velocimetry.lspiv import Lspiv, LspivConfig
+from stab_ros.velocimetry.vectors import Vectors
+
+SMALL = (160, 128)
+
+
+def measured(scene: MovingTexture, count: int = 26, config: LspivConfig | None = None) -> Vectors:
+    method = Lspiv(config or LspivConfig(interval_s=(count - 1) / scene.fps))
+    found = [vectors for vectors in map(method.add, scene.frames(count)) if vectors is not None]
+    assert len(found) == 1
+    return found[0]
+
+
+def errors(vectors: Vectors, scene: MovingTexture) -> FloatArray:
+    along = scene.flow(vectors.position_m[:, 1])
+    return vectors.velocity_m_s - np.stack([along, np.zeros_like(along)], axis=1)
+
+
+def sigmas(covariance: FloatArray) -> FloatArray:
+    return np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.4, -2.0])
+def test_a_uniform_flow_is_measured_to_a_thousandth(speed: float) -> None:
+    scene = MovingTexture(uniform(speed), SMALL, seed=11)
+    vectors = measured(scene)
+    assert len(vectors) > 6
+    assert np.abs(errors(vectors, scene)).max() < max(1e-3 * abs(speed), 5e-4)
+
+
+def test_errors_are_as_large_as_their_covariance_says() -> None:
+    normalised = []
+    for seed in range(3):
+        scene = MovingTexture(uniform(0.4), SMALL, noise=8.0, seed=100 + seed)
+        vectors = measured(scene)
+        normalised.append((errors(vectors, scene) / sigmas(vectors.covariance)).ravel())
+    ratio = np.abs(np.concatenate(normalised))
+    assert np.mean(ratio < 2) > 0.85
+    assert 0.4 < np.median(ratio) / 0.6745 < 1.6
+
+
+def test_shear_within_the_windows_is_followed() -> None:
+    scene = MovingTexture(shear(0.2, 0.15), (192, 192), seed=3)
+    vectors = measured(scene)
+    assert np.median(np.abs(errors(vectors, scene))) < 1e-3
+
+
+def test_errors_of_homographies_are_shared_and_told() -> None:
+    scene = MovingTexture(uniform(0.0), SMALL, shake_px=3.0, sigma_px=0.3, seed=4)
+    vectors = measured(scene)
+    error = errors(vectors, scene)
+    assert np.ptp(error, axis=0).max() < 0.3 * np.abs(error.mean(axis=0)).max() + 1e-3  # the same in all vectors
+    assert (np.abs(error) < 3 * sigmas(vectors.total_covariance)).all()
+    assert sigmas(vectors.total_covariance).min() > 3 * np.median(sigmas(vectors.covariance))
+
+
+def test_nothing_is_measured_where_there_is_nothing_but_noise() -> None:
+    scene = MovingTexture(uniform(0.4), SMALL, contrast=0.0, noise=4.0, seed=5)
+    method = Lspiv(LspivConfig(interval_s=0.4))
+    assert [vectors for vectors in map(method.add, scene.frames(11)) if vectors is not None] == []
+
+
+def test_only_windows_in_the_polygons_are_measured() -> None:
+    water = np.array([[0.0, 0.0], [3.2, 0.0], [3.2, 1.3], [0.0, 1.3]])
+    method = Lspiv(LspivConfig(interval_s=0.4), water=[water])
+    scene = MovingTexture(uniform(0.4), SMALL, seed=6)
+    found = [vectors for vectors in map(method.add, scene.frames(11)) if vectors is not None]
+    assert len(found[0]) > 0
+    assert (found[0].position_m[:, 1] <= 1.3 + 1e-9).all()
+
+
+def test_no_vector_spans_two_epochs_and_ids_are_unique() -> None:
+    scene = MovingTexture(uniform(0.4), SMALL, seed=7)
+    frames = scene.frames(24)
+    other = [type(frame)(frame.stamp_ns, frame.gray, frame.plane_H_image, frame.covariance, epoch=1)
+             for frame in frames[12:]]
+    method = Lspiv(LspivConfig(interval_s=0.8))
+    found = [vectors for vectors in map(method.add, [*frames[:12], *other]) if vectors is not None]
+    last = method.finish()
+    assert last is not None
+    assert [len({*vectors.start_ns.tolist()}) for vectors in [*found, last]] == [1, 1]
+    assert found[0].end_ns.max() < last.start_ns.min()
+    assert not set(found[0].track_id) & set(last.track_id)
+
+
+def test_values_that_contradict_each_other_are_refused() -> None:
+    with pytest.raises(ConfigError, match="multiple of 4"):
+        LspivConfig(window_px=50)
+    with pytest.raises(ConfigError, match="1, 2 or 4"):
+        LspivConfig(windows_per_side=3)
+    frame = MovingTexture(uniform(0.4), (64, 40)).frames(1)[0]
+    with pytest.raises(InputError, match="no window of 48 px"):
+        Lspiv(LspivConfig()).add(frame)

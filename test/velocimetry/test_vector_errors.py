@@ -1,0 +1,71 @@
+"""What vectors share: the columns against draws of the errors that they stand for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stab_ros.core.geometry import apply
+from stab_ros.core.types import FloatArray, Homography
+from stab_ros.velocimetry.placed_frame import PlacedFrame
+from stab_ros.velocimetry.places import places_of
+from stab_ros.velocimetry.tracks import Tracks
+from stab_ros.velocimetry.vector_errors import square_root, vectors_of
+
+GRAY = np.zeros((100, 200), np.uint8)
+H_START = np.array([[0.02, 0.001, 5], [0.0, -0.021, 9], [1e-5, 2e-4, 1]])
+H_END = np.array([[0.021, 0.0, 5.1], [0.001, -0.02, 9.2], [2e-5, 1e-4, 1]])
+COVARIANCE = np.diag([1e-5, 2e-5, 1e-3, 1e-5, 1e-5, 2e-3, 1e-8, 1e-8]) ** 2
+SHARED = 1e-3 * np.outer(np.r_[H_START.ravel()[:6], 0, 0], [1.0])  # a scale that is wrong by a thousandth
+START_PX = np.array([[20.0, 20], [150, 30], [100, 80]])
+END_PX = START_PX + np.array([12.0, 5])
+
+
+def tracks(H_start: Homography = H_START, H_end: Homography = H_END) -> Tracks:
+    first, last = (PlacedFrame(stamp, GRAY, H, COVARIANCE, SHARED)
+                   for stamp, H in ((0, H_start), (500_000_000, H_end)))
+    made = Tracks.begun(first, START_PX, places_of(first, START_PX))
+    made.seen(last, np.arange(3), END_PX, places_of(last, END_PX))
+    return made
+
+
+def velocity(H_start: Homography, H_end: Homography) -> FloatArray:
+    return (apply(H_end, END_PX) - apply(H_start, START_PX)) / 0.5
+
+
+def test_errors_of_both_homographies_are_shared() -> None:
+    vectors = vectors_of(tracks(), np.ones(3, bool), 0, 0.0, "m")
+    np.testing.assert_allclose(vectors.velocity_m_s, velocity(H_START, H_END))
+    rng, root = np.random.default_rng(1), square_root(COVARIANCE)
+    draws = [velocity(*(H + np.r_[root @ rng.standard_normal(8), 0].reshape(3, 3) for H in (H_START, H_END))).ravel()
+             for _ in range(20000)]
+    S = vectors.shared[:, :, :16].reshape(6, 16)
+    np.testing.assert_allclose(S @ S.T, np.cov(np.array(draws).T), rtol=0.05, atol=0.03 * np.max(S @ S.T))
+
+
+def test_a_wrong_scale_is_a_wrong_scale_of_all_vectors() -> None:
+    vectors = vectors_of(tracks(), np.ones(3, bool), 0, 0.0, "m")
+    wrong = np.zeros((3, 3))
+    wrong.ravel()[:8] = SHARED[:, 0]
+    expected = velocity(H_START + wrong, H_END + wrong) - velocity(H_START, H_END)
+    np.testing.assert_allclose(vectors.shared[:, :, 17], expected, rtol=1e-6)
+
+
+def test_a_wrong_stamp_is_a_wrong_speed() -> None:
+    vectors = vectors_of(tracks(), np.ones(3, bool), 0, 0.005, "m")
+    np.testing.assert_allclose(vectors.shared[:, :, 16], -vectors.velocity_m_s * np.sqrt(2) * 0.005 / 0.5)
+
+
+def test_the_root_of_a_singular_covariance() -> None:
+    column = np.array([1e-6, 0, 3, 0, 1, 2, 1e-9, 0])
+    covariance = np.outer(column, column)
+    root = square_root(covariance)
+    np.testing.assert_allclose(root @ root.T, covariance, atol=1e-12)
+
+
+def test_vectors_may_end_before_the_interval() -> None:
+    made = tracks()
+    later = PlacedFrame(900_000_000, GRAY, H_END, 4 * COVARIANCE, SHARED)
+    made.seen(later, np.array([1]), END_PX[1:2] + 3, places_of(later, END_PX[1:2] + 3))
+    vectors = vectors_of(made, made.end_frame > 0, 7, 0.0, "m")
+    assert list(vectors.end_ns) == [500_000_000, 900_000_000, 500_000_000]
+    assert list(vectors.track_id) == [7, 8, 9]
