@@ -52,10 +52,6 @@ class CrossSection:
         """(2,) unit vector across the line, to the right of `along`."""
         return np.array([self.along[1], -self.along[0]])
 
-    def raised(self, by_m: float) -> CrossSection:
-        """The section with its bed raised."""
-        return replace(self, bed_m=self.bed_m + by_m)
-
     def at(self, chainage_m: FloatArray) -> CrossSection:
         """The section at other places along it, its bed and places interpolated linearly. chainage_m: increasing."""
         columns = (*self.position_m.T, self.bed_m, self.offset_m)

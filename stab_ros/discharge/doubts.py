@@ -10,6 +10,7 @@ from stab_ros.discharge.result import Shares, Verticals
 from stab_ros.discharge.wetted import DRY
 
 _STRAYING = 0.05  # of the length, from which points beside the line are mentioned
+_FEW = 7  # verticals, from which they tell by themselves how rough the section is
 _MUCH = 0.3  # share of the discharge
 _STEEP = 0.2  # relief of a bed over its width; more is rare in rivers
 _OBLIQUE = 0.36  # tangent of 20 degrees
@@ -54,6 +55,8 @@ def section_doubts(section: CrossSection, table: Verticals, wse_m: float) -> lis
 def coverage_doubts(table: Verticals, shares: Shares) -> list[str]:
     """About what the vectors leave open."""
     found = [*_empty_halves(table), *_empty_channels(table)]
+    if (number := int(table.measured.sum())) < _FEW:
+        found.append(f"only {number} verticals are measured, there should be {_FEW} or more")
     if shares.extrapolated > _MUCH:
         found.append(f"{shares.extrapolated:.0%} of the discharge is extrapolated beyond the measured verticals")
     if shares.interpolated > _MUCH:

@@ -16,6 +16,11 @@ _VERTICALS = (5, 10, 15, 20, 25, 30, 35)
 _BY_VERTICALS = (0.075, 0.045, 0.030, 0.025, 0.020, 0.015, 0.010)  # table E.6
 
 
+def sigma_by_number(verticals: int) -> float:
+    """u_m, the relative standard deviation of a discharge by so many verticals (table E.6)."""
+    return float(np.interp(verticals, _VERTICALS, _BY_VERTICALS))
+
+
 @dataclass(frozen=True)
 class Iso748:
     """Relative standard deviations of one vertical.
@@ -45,9 +50,8 @@ class Iso748:
             measured: number of verticals with vectors.
             systematic: u_s, relative standard deviation by what all verticals share.
         """
-        by_number = float(np.interp(measured, _VERTICALS, _BY_VERTICALS))
         of_depth = np.where(depth_m > self.shallow_m, self.depth, self.shallow_depth)
         single = self.width**2 + of_depth**2 + self.points**2 + self.exposure**2
         total = part_m3_s.sum()
         random = float((part_m3_s**2 * single).sum() / total**2) if total else float("nan")
-        return float(np.sqrt(by_number**2 + systematic**2 + random))
+        return float(np.sqrt(sigma_by_number(measured) ** 2 + systematic**2 + random))

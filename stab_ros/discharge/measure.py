@@ -11,7 +11,7 @@ from stab_ros.discharge.doubts import coverage_doubts, section_doubts
 from stab_ros.discharge.filling import FILLINGS, Measured
 from stab_ros.discharge.integration import INTEGRATIONS
 from stab_ros.discharge.interpolated_variance import Roughness, relative_sigma, roughness
-from stab_ros.discharge.iso748 import Iso748
+from stab_ros.discharge.iso748 import Iso748, sigma_by_number
 from stab_ros.discharge.monte_carlo import Noise, discharges, interval, sources
 from stab_ros.discharge.result import Discharge, Shares, Verticals
 from stab_ros.discharge.settings import DischargeConfig
@@ -121,11 +121,15 @@ def _with_uncertainty(table: Verticals, measured: Measured, surface: SurfaceVelo
 
 
 def _noise(surface: SurfaceVelocities, rough: Roughness, config: DischargeConfig, filled: bool) -> Noise:
-    """What is drawn: a vertical is at least as uncertain as its difference from its neighbours says."""
+    """What is drawn: a vertical is at least as uncertain as its difference from its neighbours says.
+
+    Too few verticals do not say it, so their number counts, as in ISO 748.
+    """
     bed_m = max(config.depth_sigma_m, np.nan_to_num(rough.depth_m))
     single = np.maximum(np.nan_to_num(surface.sigma_m_s), np.nan_to_num(rough.velocity_m_s))
     return Noise(config.alpha_sigma, config.wse_sigma_m, bed_m, np.where(surface.known, single, 0.0),
-                 surface.shared_m_s, config.filling_sigma if filled else 0.0)
+                 surface.shared_m_s, config.filling_sigma if filled else 0.0,
+                 sigma_by_number(int(surface.known.sum())) if np.isnan(rough.velocity_m_s) else 0.0)
 
 
 def _used(vectors: Vectors, table: Verticals, search_m: float) -> Vectors:
@@ -137,7 +141,7 @@ def _used(vectors: Vectors, table: Verticals, search_m: float) -> Vectors:
 
 
 def _shares(table: Verticals) -> Shares:
-    part = np.abs(table.part_m3_s)
+    part = np.abs(table.part_m3_s) if table.part_m3_s.any() else np.maximum(table.depth_m, 0.0)  # still water
     between = _between(table)
     total = float(part.sum()) or 1.0
     measured, interpolated = (float(part[which].sum()) / total for which in (table.measured, between))

@@ -7,7 +7,7 @@ out over the verticals, and those of single verticals do.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -35,6 +35,7 @@ class Noise:
         shared_m_s: (N, K), change of the velocities by one standard deviation of each shared error.
         filling: of filled velocities, relative, for each width of the river that they lie away from measured ones;
             above 0, the way of filling is drawn too.
+        verticals: of the discharge, relative, by the number of verticals.
     """
 
     alpha: float
@@ -43,17 +44,18 @@ class Noise:
     velocity_m_s: FloatArray
     shared_m_s: FloatArray
     filling: float
+    verticals: float
 
     def only(self, source: str) -> Noise:
         """That of one source of SOURCES alone."""
         keep = SOURCES[source]
-        quiet = Noise(0.0, 0.0, 0.0, np.zeros_like(self.velocity_m_s), np.zeros_like(self.shared_m_s), 0.0)
+        quiet = Noise(0.0, 0.0, 0.0, np.zeros_like(self.velocity_m_s), np.zeros_like(self.shared_m_s), 0.0, 0.0)
         return replace(quiet, **{keep: getattr(self, keep)})
 
 
 SOURCES: Mapping[str, str] = MappingProxyType({  # name in results: field of Noise
     "alpha": "alpha", "water level": "wse_m", "bed": "bed_m", "vectors": "velocity_m_s", "shared": "shared_m_s",
-    "filling": "filling"})
+    "filling": "filling", "verticals": "verticals"})
 
 
 def discharges(measured: Measured, velocity_m_s: FloatArray, noise: Noise, config: DischargeConfig) -> FloatArray:
@@ -75,7 +77,8 @@ def discharges(measured: Measured, velocity_m_s: FloatArray, noise: Noise, confi
     surface = velocity_m_s + common + rng.normal(size=shape) * noise.velocity_m_s
     filled = _filled(measured, depth, surface, _methods(config, noise, rng))
     filled = filled * (1 + noise.filling * _away(measured) * rng.normal(size=(shape[0], 2))[:, _side(measured)])
-    return np.asarray(INTEGRATIONS[config.integration](measured.chainage_m, depth, alpha * filled).sum(axis=1))
+    total = INTEGRATIONS[config.integration](measured.chainage_m, depth, alpha * filled).sum(axis=1)
+    return np.asarray(total * rng.normal(1.0, noise.verticals, shape[0]))
 
 
 def _methods(config: DischargeConfig, noise: Noise, rng: np.random.Generator) -> IdArray:
@@ -98,7 +101,7 @@ def _away(measured: Measured) -> FloatArray:
 def _side(measured: Measured) -> IdArray:
     """(N,), 0 or 1 for what lies before or after the middle of the measured verticals: each errs as a whole."""
     known = measured.chainage_m[measured.known]
-    return (measured.chainage_m > (known[0] + known[-1]) / 2).astype(np.int64)
+    return np.asarray(measured.chainage_m > (known[0] + known[-1]) / 2, np.int64)
 
 
 def _filled(measured: Measured, depth_m: FloatArray, velocity_m_s: FloatArray, methods: IdArray) -> FloatArray:
@@ -117,7 +120,7 @@ def sources(measured: Measured, velocity_m_s: FloatArray, noise: Noise, config: 
     return {name: float(discharges(measured, velocity_m_s, noise.only(name), config).std()) for name in SOURCES}
 
 
-def interval(drawn_m3_s: FloatArray, levels: Sequence[float] = (0.025, 0.975)) -> tuple[float, float]:
+def interval(drawn_m3_s: FloatArray) -> tuple[float, float]:
     """The bounds between which 95 % of the draws lie, m3/s."""
-    low, high = np.quantile(drawn_m3_s, levels)
+    low, high = np.quantile(drawn_m3_s, (0.025, 0.975))
     return float(low), float(high)

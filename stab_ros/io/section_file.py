@@ -56,9 +56,6 @@ class SectionTable:
     heights: Heights
     remarks: tuple[str, ...] = ()
 
-    def __len__(self) -> int:
-        return len(self.height_m)
-
 
 @dataclass(frozen=True)
 class _Column:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
@@ -40,6 +41,38 @@ def read_static_map(values: Mapping[str, Value]) -> StaticMap | None:
     except OSError as error:  # no possible name of a file
         raise InputError(f"static_map: {text[:80]!r} is no file, it must be a PNG or a bag with a map") from error
     return StaticMap.of_picture(_from_bag(path) if is_bag else _from_image(path))
+
+
+def read_recorded_map(path: Path, topic: str) -> StaticMap | None:
+    """Reads the first map of a recording that tells ground from water, as the tracker first knew it.
+
+    Args:
+        path: the bag.
+        topic: name of the topic with maps.
+
+    Returns:
+        The map; None: there is none.
+    """
+    with open_bag(path) as bag:
+        for message in bag.messages([topic]):
+            with suppress(MessageError):
+                found = map_of_message(message.data)
+                if found is not None:
+                    return found
+    return None
+
+
+def map_of_message(cdr: bytes | memoryview) -> StaticMap | None:
+    """The map in a sensor_msgs/Image; None: it does not tell ground from water.
+
+    Raises:
+        MessageError: no mono8 image.
+    """
+    frame = read_image(cdr, IMAGE)
+    if frame.encoding != "mono8":
+        raise MessageError(f"a static map must be mono8, not {frame.encoding}")
+    found = StaticMap.of_picture(frame.image)
+    return found if found.divides else None
 
 
 def _from_image(path: Path) -> Gray:

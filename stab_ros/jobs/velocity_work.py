@@ -10,11 +10,11 @@ from stab_ros.core.types import Frame
 from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.io.cdr import IMAGE
 from stab_ros.io.source import Kind, Source, kind_of, namespace_of
-from stab_ros.io.static_maps import read_static_map
-from stab_ros.io.topics import STATIC_MAP_TOPIC, topic_in
+from stab_ros.io.static_maps import read_recorded_map, read_static_map
+from stab_ros.io.topics import STATIC_MAP_TOPIC, TRACKER_NAME, topic_in
 from stab_ros.jobs.placed_recording import Placed, Placing, Recording
 from stab_ros.jobs.placing import PlacedPicture, Work
-from stab_ros.parameters.velocimeters import GROUND, make_bank_check, make_placer, make_velocimeter
+from stab_ros.parameters.velocimeters import GROUND, make_bank_check, make_placer, make_velocimeter, takes_map
 from stab_ros.report.panel import gray_of
 from stab_ros.report.velocity_maps import Background
 from stab_ros.tracking.static_map import StaticMap
@@ -39,7 +39,8 @@ class VelocityWork:
         """
         self.unit, self.name = unit, source.name
         self._values, self._recording = values, recording
-        self._ground = _ground_of(job, values, source)
+        self._given = read_static_map(values)
+        self._ground = self._given or _recorded_map(job, source)
         self._placing: Placing | None = None
         self._stream = Stream(unit)
         self._water: Velocimeter | None = None
@@ -80,17 +81,16 @@ class VelocityWork:
         self._stream = Stream(
             self.unit, placing.reference_size, placing.image_H_ref, camera if placing.image_H_ref is None else None,
             engine.orthophoto if self._values.get("orthophotos") else None)
-        self._water = make_velocimeter(self._values, self._stream)
+        make_velocimeter(self._values, self._stream)  # so that wrong values end the work before the first frame
         return Work(engine, camera, placing.motion_of, None)
 
     def add(self, placed: PlacedPicture) -> tuple[list[Measured], list[Measured]]:
         """The intervals that end with a picture: of the water, and of the bank."""
-        assert self._water is not None
-        self._find_bank()
+        water = self._begun()
         if self.background is None and placed.answer.placement is not None:
             self.background = _background(placed, self.unit)
         bank = [] if self._bank is None else self._bank.add(placed.answer, placed.motion)
-        return self._water.add(placed.answer, placed.motion), bank
+        return water.add(placed.answer, placed.motion), bank
 
     def finish(self) -> tuple[list[Measured], list[Measured]]:
         """The intervals that were under way at the end."""
@@ -103,24 +103,29 @@ class VelocityWork:
         ground = Zone(measured.zone.plane_H_ref, self._ground.picture() >= GROUND)
         return measured.vectors[~ground.holds(measured.vectors)]
 
-    def _find_bank(self) -> None:
-        """The map of the stabiliser is known when it has answered the first frame."""
-        if self._bank is not None or self._placing is None:
-            return
-        if self._ground is None and self._placing.tracker is not None:
-            self._ground = self._placing.tracker.static_map
+    def _begun(self) -> Velocimeter:
+        """The engine for the water; that for the bank, where a map tells of it.
+
+        The map of the stabiliser is known when it has answered the first frame.
+        """
+        if self._water is not None:
+            return self._water
+        tracker = None if self._placing is None else self._placing.tracker
+        if self._ground is None and tracker is not None and tracker.static_map is not None:
+            self._ground = tracker.static_map if tracker.static_map.divides else None
+        left_out = self._ground if takes_map(self._values) else self._given
+        self._water = make_velocimeter(self._values, self._stream, left_out)
         if self._ground is not None:
             self._bank = make_bank_check(self._values, self._stream, self._ground)
+        return self._water
 
 
-def _ground_of(job: Placed, values: Mapping[str, Value], source: Source) -> StaticMap | None:
-    """The static map of the parameters, else that of the recording, as `stabilize` writes it."""
-    if values.get("static_map"):
-        return read_static_map(values)
-    topic = source.topics.get(topic_in(namespace_of(source.topics[source.image_topic]), STATIC_MAP_TOPIC))
-    if kind_of(job.source) is not Kind.BAG or topic is None or not topic.count or topic.msgtype != IMAGE:
-        return None
-    return read_static_map({"static_map": str(job.source)})
+def _recorded_map(job: Placed, source: Source) -> StaticMap | None:
+    """The static map in the recording, as `stabilize` or a recorder of the tracker wrote it."""
+    namespace = namespace_of(source.topics[source.image_topic])
+    names = (topic_in(namespace, STATIC_MAP_TOPIC), topic_in(topic_in(namespace, TRACKER_NAME), STATIC_MAP_TOPIC))
+    found = [name for name in names if name in source.topics and source.topics[name].msgtype == IMAGE]
+    return read_recorded_map(job.source, found[0]) if found and kind_of(job.source) is Kind.BAG else None
 
 
 def _background(placed: PlacedPicture, unit: Unit) -> Background | None:

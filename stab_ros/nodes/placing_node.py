@@ -110,6 +110,9 @@ class PlacingNode(StabNode):
             raise error
         self.failures.note(error)
 
+    def refresh(self) -> None:
+        """Follows the publishers of what the subclass takes beside; called ten times a second."""
+
     # what is taken ---------------------------------------------------------------------------------------------------
     @property
     def takes_camera_info(self) -> bool:
@@ -117,7 +120,8 @@ class PlacingNode(StabNode):
         return self.settings.use_camera_info and not self.values["camera_file"] and not self._stabilized
 
     @property
-    def _takes_motion(self) -> bool:
+    def takes_motion(self) -> bool:
+        """Whether frames wait for homographies."""
         return self._stabilized or self.settings.use_homographies or needs_motion(self._config)
 
     def _knows_camera(self) -> bool:
@@ -144,6 +148,7 @@ class PlacingNode(StabNode):
             self._camera_info.refresh()
         if self._motions is not None:
             self._motions.refresh()
+        self.refresh()
         if self._images.is_open:
             self._images.refresh()
             self._give_up_waiting()
@@ -164,7 +169,7 @@ class PlacingNode(StabNode):
             self._sensors.open_attitude()
             for topic in _SENSORS:
                 self._await(topic)
-        if self._takes_motion and self._motions is None and self._images.is_open:
+        if self.takes_motion and self._motions is None and self._images.is_open:
             self._motions = MotionInput(self, self._on_told, lambda text: self.on_unusable("", text))
             self._await(self._motions.topic)
 
@@ -186,7 +191,7 @@ class PlacingNode(StabNode):
         self.status.on_image(self.free.ns)
         self._newest_ns = frame.stamp_ns
         taken = Taken(frame, source_ns)
-        if self._takes_motion:
+        if self.takes_motion:
             self._place(self._frames.ask(frame.stamp_ns, taken))
         else:
             self._place([Pair(frame.stamp_ns, taken, None)])

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import time
-from dataclasses import fields
+from collections import deque
+from dataclasses import dataclass, fields
 from typing import Any
 
+from stab_ros.core.errors import InputError
 from stab_ros.core.settings import Value
 from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
 from stab_ros.io.cdr import SECOND_NS
@@ -15,8 +17,10 @@ from stab_ros.io.topics import VELOCITY_TOPIC
 from stab_ros.nodes import params
 from stab_ros.nodes.frame_placer import Asked
 from stab_ros.nodes.georeference_status import Result
+from stab_ros.nodes.patience import Patience
 from stab_ros.nodes.placing_node import PlacingNode
 from stab_ros.nodes.spinner import Spinner
+from stab_ros.nodes.static_map_input import StaticMapInput
 from stab_ros.nodes.velocimetry_publishers import VelocimetryPublishers
 from stab_ros.nodes.velocimetry_status import VelocimetryStatus
 from stab_ros.parameters.node_settings import VelocimetrySettings
@@ -27,13 +31,24 @@ from stab_ros.parameters.velocimeters import (
     make_placer,
     make_velocimeter,
     stream_config,
+    takes_map,
     unit_of,
 )
+from stab_ros.tracking.static_map import StaticMap
 from stab_ros.velocimetry.pictures import Stream
 from stab_ros.velocimetry.velocimeter import Measured, Velocimeter
 
 SETTINGS = params.table_of(VelocimetrySettings)
 CHANGEABLE = frozenset(OWN_VELOCITY_PARAMETERS) - {"grid_m"}  # where frames lie stays as it is
+
+
+@dataclass(frozen=True, eq=False)
+class _Answered:
+    """A frame with its place."""
+
+    answer: Georeferenced
+    asked: Asked
+    engine: Georeferencer
 
 
 class VelocimetryNode(PlacingNode):
@@ -53,6 +68,8 @@ class VelocimetryNode(PlacingNode):
         check_velocimetry(values)
         config, self._unit = stream_config(values), unit_of(values)
         self._ground = read_static_map(values)
+        self._held: deque[_Answered] = deque()  # until the map is known
+        self._map_patience = Patience(round(self.settings.wait_s * SECOND_NS))
         self._engine: Georeferencer | None = None  # for which the velocimeters are
         self._water: Velocimeter | None = None
         self._bank: Velocimeter | None = None
@@ -61,12 +78,16 @@ class VelocimetryNode(PlacingNode):
                                    self.settings.water_level_timeout_s)
         self._velocity_status = status
         self.begin(values, config, status, make_placer)
+        self._map: StaticMapInput | None = None
+        if takes_map(values) and self.takes_motion:
+            self._map = StaticMapInput(self, self._use_map, lambda text: self.on_unusable("", text))
         self.outputs = VelocimetryPublishers(self, float(declared["grid_m"]), lossless=self.settings.queue_depth == 0)
         params.ParameterUpdates(self, VELOCITY_PARAMETERS, self._change)
         self.create_steady_timer(1.0, self.report)
 
     def work(self, spinner: Spinner) -> None:
         super().work(spinner)
+        self._release()
         self._end(time.time_ns())
         self.outputs.flush()
 
@@ -88,12 +109,49 @@ class VelocimetryNode(PlacingNode):
         warnings = () if answer.placement is None else answer.placement.warnings
         values, latency_ns = values_of(answer, self.status.orientation), time.time_ns() - asked.source_ns
         self.status.on_result(Result(answer.frame.stamp_ns, answer.reason, warnings, values, latency_ns))
-        with self.failures:
-            self._begin_with(engine, asked.source_ns)
-            if self._water is not None:
-                self._send(self._water.add(answer, asked.motion), asked.source_ns)
-            if self._bank is not None:
-                self._note_bank(self._bank.add(answer, asked.motion))
+        self._held.append(_Answered(answer, asked, engine))
+        if not self._waits_for_map:
+            self._release()
+
+    # the static map --------------------------------------------------------------------------------------------------
+    @property
+    def _waits_for_map(self) -> bool:
+        """Whether the first frames wait to be told where the water is."""
+        held_mb = sum(one.asked.frame.image.nbytes for one in self._held) / 1e6
+        return (self._map is not None and self._ground is None and not self._map_patience.is_over
+                and held_mb < self.settings.backlog_mb)
+
+    def _use_map(self, ground: StaticMap) -> None:
+        if self._engine is None:  # what has begun without goes on so
+            self._ground = ground
+        self._release()
+
+    def refresh(self) -> None:
+        """Gives up waiting for a map that does not come."""
+        if self._map is None or self._ground is not None:
+            return
+        self._map.refresh()
+        if self._map_patience.check(self.free.ns, bool(self._held)):
+            self.warn("map", f"{self._map.topic} tells no ground from water, velocities are measured everywhere")
+            self._release()
+
+    def _release(self) -> None:
+        """Measures the frames that have waited."""
+        while self._held:
+            one = self._held.popleft()
+            with self.failures:
+                try:
+                    self._measure(one.answer, one.asked, one.engine)
+                except InputError as error:
+                    self.warn("measuring", f"cannot measure: {error}")
+
+    # measuring -------------------------------------------------------------------------------------------------------
+    def _measure(self, answer: Georeferenced, asked: Asked, engine: Georeferencer) -> None:
+        self._begin_with(engine, asked.source_ns)
+        if self._water is not None:
+            self._send(self._water.add(answer, asked.motion), asked.source_ns)
+        if self._bank is not None:
+            self._note_bank(self._bank.add(answer, asked.motion))
 
     def _begin_with(self, engine: Georeferencer, source_ns: int) -> None:
         """Measures anew where frames are placed by another engine."""
@@ -106,7 +164,7 @@ class VelocimetryNode(PlacingNode):
         camera = None if self._stabilized else by_tracker if self._unit == "px" else placer.camera
         stream = Stream(self._unit, None if motions is None else motions.reference_size, placer.image_H_ref, camera,
                         engine.orthophoto if self.values.get("orthophotos") else None)
-        self._water = make_velocimeter(self.values, stream)
+        self._water = make_velocimeter(self.values, stream, self._ground)
         self._bank = None if self._ground is None else make_bank_check(self.values, stream, self._ground)
 
     def _end(self, source_ns: int) -> None:
@@ -128,6 +186,6 @@ class VelocimetryNode(PlacingNode):
         """Other parameters hold from the next frame on; the interval ends."""
         values = {**self.values, **changed}
         check_velocimetry(values)
-        self._ground = read_static_map(values)
+        self._ground = read_static_map(values) or self._ground
         self._end(time.time_ns())
         self.values, self._engine = values, None

@@ -97,7 +97,9 @@ def _of_velocimetry() -> Iterator[Parameter]:
     yield Parameter("exclude", "", Range(f"Region to leave out: {_REGION}"))
     yield Parameter("static_map", "", Range("Path of a static map of the same reference: a bag written by stabilize, "
                                             "or a PNG (white: static ground). Its ground is left out, and the velocity "
-                                            'there, which must be 0, is told beside; "": everything is water'))
+                                            'there, which must be 0, is told beside; "": that of the tracker'))
+    yield Parameter("leave_out_bank", True, Range("Whether the ground of the tracker's static map is left out; false: "
+                                                  "only that of the parameter static_map"))
     yield Parameter("grid_m", 0.0, Range("Side of the cells of velocity_grid in metres (pixels without georeference); "
                                          "0: what suits the first vectors", 0.0, 10000.0))
     yield Parameter("orthophotos", False, Range("Whether velocities are measured in orthophotos; false: in the images "

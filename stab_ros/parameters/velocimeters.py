@@ -23,6 +23,7 @@ from stab_ros.io.static_maps import read_static_map
 from stab_ros.parameters.engines import camera_of, check_georeference, make_georeferencer, uncalibrated
 from stab_ros.parameters.table import (
     GEOREFERENCE_PARAMETERS,
+    OWN_VELOCITY_PARAMETERS,
     georeference_config,
     lspiv_config,
     stiv_config,
@@ -99,36 +100,45 @@ def check_velocimetry(values: Mapping[str, Value]) -> None:
         values: parameters of velocimetry by name.
 
     Raises:
-        InputError: as `make_velocimeter` and `make_placer`.
+        InputError: as `make_velocimeter`, `make_placer` and `read_static_map`.
     """
     make_velocimeter(values, Stream())
+    read_static_map(values)
     stream_config(values)
     if unit_of(values) == "m":
         check_georeference(georeference_values(values))
 
 
-def make_velocimeter(values: Mapping[str, Value], stream: Stream) -> Velocimeter:
+def make_velocimeter(values: Mapping[str, Value], stream: Stream, ground: StaticMap | None = None) -> Velocimeter:
     """The engine that measures velocities where they are wanted.
 
     Args:
         values: parameters of velocimetry by name; the others keep their defaults.
         stream: what is known of its frames.
+        ground: static map of the first reference, whose ground is left out; None: nothing is.
 
     Raises:
-        InputError: a name is unknown, or a value, a region or the static map is wrong.
+        InputError: a name is unknown, or a value or a region is wrong.
     """
-    make_method, area, ground = _method_maker(values, stream.unit), read_area(values), read_static_map(values)
+    make_method, area = _method_maker(values, stream.unit), read_area(values)
 
-    def allowed(size: tuple[int, int]) -> BoolArray | None:
-        if area.roi is None and area.exclude is None and ground is None:
+    def allowed(size: tuple[int, int], first: bool) -> BoolArray | None:
+        left_out = ground if first else None
+        if area.roi is None and area.exclude is None and left_out is None:
             return None
         wanted = area.allowed(size)
-        if ground is not None:
-            ground.check_size(size)
-            wanted &= ground.picture() < GROUND
+        if left_out is not None:
+            left_out.check_size(size)
+            wanted &= left_out.picture() < GROUND
         return wanted
 
     return Velocimeter(stream, make_method, allowed)
+
+
+def takes_map(values: Mapping[str, Value]) -> bool:
+    """Whether the static map of the tracker tells where the water is."""
+    default = OWN_VELOCITY_PARAMETERS["leave_out_bank"].default
+    return not values.get("static_map") and bool(values.get("leave_out_bank", default))
 
 
 def _method_maker(values: Mapping[str, Value], unit: Unit) -> MakeMethod:
@@ -165,7 +175,9 @@ def make_bank_check(values: Mapping[str, Value], stream: Stream, ground: StaticM
     features = min(velocity_config(given).features, _BANK_FEATURES)
     config = velocity_config({**given, "features": features, "local_median": 0.0, "steadiness": 0.0})
 
-    def allowed(size: tuple[int, int]) -> BoolArray:
+    def allowed(size: tuple[int, int], first: bool) -> BoolArray:
+        if not first:
+            return np.zeros(size[::-1], bool)
         ground.check_size(size)
         inner = np.ones((config.block_px, config.block_px), np.uint8)  # windows there show no water
         return np.asarray(cv2.erode(ground.picture(), inner) >= GROUND)

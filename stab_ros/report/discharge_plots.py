@@ -106,7 +106,8 @@ def draws_panel(found: Discharge) -> Panel:
     label(axes, "discharge, m³/s", "draws")
     legend(axes, columns=2)
     return drawn(figure, "Monte Carlo", f"{len(found.drawn_m3_s)} draws of alpha, water level, bed, vectors, the "
-                 "errors that all vectors share, and the way of filling.", "Histogram of the drawn discharges.")
+                 "errors that all vectors share, the way of filling, and the number of verticals where it is small.",
+                 "Histogram of the drawn discharges.")
 
 
 def sources_panel(found: Discharge) -> Panel:

@@ -12,6 +12,7 @@ from stab_ros.core.geometry import inside
 from stab_ros.core.types import BoolArray, FloatArray, Gray
 
 _GROUND = 128
+_LEAST_SHARE = 0.01  # of the reference, of ground and of what is none, for a map to tell them apart
 _STEP_PX = 4  # of the grid that the ground is kept on: finer than features lie apart
 
 
@@ -73,6 +74,11 @@ class StaticMap:
         height, width = picture.shape
         cells = cv2.resize(picture, (-(-width // _STEP_PX), -(-height // _STEP_PX)), interpolation=cv2.INTER_NEAREST)
         return StaticMap(np.asarray(cells), (width, height))
+
+    @property
+    def divides(self) -> bool:
+        """Whether it tells ground from what is not: there is some of both."""
+        return bool(_LEAST_SHARE < np.mean(self.cells >= _GROUND) < 1 - _LEAST_SHARE)
 
     def without(self, area: BoolArray) -> StaticMap:
         """Takes a part of the reference out of the ground.

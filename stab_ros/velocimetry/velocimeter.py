@@ -18,8 +18,9 @@ from stab_ros.velocimetry.placing import epoch_of, placed_frame, plane_H_ref
 from stab_ros.velocimetry.vectors import Vectors
 from stab_ros.velocimetry.zone import Zone
 
-# where velocities are wanted, (h, w) bool, in a reference of this width and height; None: everywhere
-Allowed = Callable[[tuple[int, int]], BoolArray | None]
+# where velocities are wanted, (h, w) bool; None: everywhere. In a reference of this width and height; and whether it is
+# the first of the stream, for which maps were made
+Allowed = Callable[[tuple[int, int], bool], BoolArray | None]
 # a method that has seen no frame yet
 MakeMethod = Callable[[Zone], Method]
 _EDGE_PX = 24  # width of the border of a frame that its orthophoto is not used of: windows there lie half outside
@@ -63,6 +64,7 @@ class Velocimeter:
         """
         self._stream, self._make_method, self._allowed = stream, make_method, allowed
         self._pictures = Pictures(stream)
+        self._first_epoch: int | None = None
         self._with_error: bool | None = None  # whether the errors of places are known
         self._last: tuple[Georeferenced, PlacedFrame] | None = None
         self._method: Method | None = None
@@ -88,7 +90,7 @@ class Velocimeter:
         ended = [] if self._follows(answer, motion) else self._end()
         if self._method is None or self._zone is None:
             size = self._stream.reference_size or answer.frame.size
-            self._zone = Zone(plane_H_ref(placement, motion, unit), self._allowed(size))
+            self._zone = Zone(plane_H_ref(placement, motion, unit), self._allowed(size, self._is_first(motion)))
             self._method = self._make_method(self._zone)
         picture, stamp_ns = self._pictures.of(answer, motion), answer.frame.stamp_ns
         placed = placed_frame(stamp_ns, placement, picture, motion, unit)
@@ -100,6 +102,12 @@ class Velocimeter:
     def finish(self) -> list[Measured]:
         """The interval that was under way when the stream ended."""
         return [] if self._method is None else self._measured(self._method.finish())
+
+    def _is_first(self, motion: Motion | None) -> bool:
+        """Whether this is the first reference of the stream."""
+        if self._first_epoch is None:
+            self._first_epoch = epoch_of(motion)
+        return self._first_epoch == epoch_of(motion)
 
     def _usable(self, answer: Georeferenced, motion: Motion | None) -> Placement | None:
         """The placement; None: there is none, or its error is unknown, unlike that of the first frame."""

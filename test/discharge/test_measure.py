@@ -108,6 +108,20 @@ def test_evenly_spaced_verticals_in_place_of_the_survey() -> None:
     assert found.q_m3_s == pytest.approx(RIVER.discharge_m3_s(), rel=0.02)
 
 
+def test_few_verticals_cost_certainty_and_are_said() -> None:
+    found = of(section=RIVER.section(6))
+    assert found.sources_m3_s["verticals"] == pytest.approx(0.075 * found.q_m3_s, rel=0.2)
+    assert any("only 4 verticals" in warning for warning in found.warnings)
+    assert found.low_m3_s < RIVER.discharge_m3_s() < found.high_m3_s
+
+
+def test_still_water_is_measured_to_flow_nowhere() -> None:
+    found = of(River(lambda s: 0 * s))
+    assert abs(found.q_m3_s) < 0.01 * RIVER.discharge_m3_s()
+    assert found.shares.measured == pytest.approx(1)
+    assert found.low_m3_s < 0 < found.high_m3_s
+
+
 def test_an_island_makes_two_channels() -> None:
     def depth(s: np.ndarray) -> np.ndarray:
         return np.asarray(parabola_m(s) - 2.0 * np.exp(-(((s - 8) / 1.5) ** 2)))

@@ -75,7 +75,7 @@ def measured(told: list[Motion | None], stream: Stream, allowed: BoolArray | Non
     def method(_zone: Zone) -> Method:
         return FollowPixels()
 
-    engine, found = Velocimeter(stream, method, lambda _size: allowed), list[Measured]()
+    engine, found = Velocimeter(stream, method, lambda _size, _first: allowed), list[Measured]()
     for number, one in zip(stamps or range(len(told)), told, strict=True):
         found += engine.add(by_pixels(number, one), one)
     return [*found, *engine.finish()]
@@ -159,7 +159,7 @@ def test_what_is_shared_and_what_is_not(who: str) -> None:
         return found
 
     def vectors(reference: Homography, motions: list[FloatArray]) -> Vectors:
-        engine = Velocimeter(Stream("m"), lambda _zone: FollowPixels(), lambda _size: None)
+        engine = Velocimeter(Stream("m"), lambda _zone: FollowPixels(), lambda _size, _first: None)
         for answer, one in zip(answers(reference, motions), told, strict=True):
             found = engine.add(answer, one)
         return found[0].vectors

@@ -1,0 +1,42 @@
+"""The static map that the tracker publishes, once it tells ground from water."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from rclpy.node import Node
+from sensor_msgs.msg import Image
+
+from stab_ros.core.errors import MessageError
+from stab_ros.io.static_maps import map_of_message
+from stab_ros.io.topics import STATIC_MAP_TOPIC, TRACKER_NAME, topic_in
+from stab_ros.nodes.qos import AdaptiveSubscription, latest_latched
+from stab_ros.tracking.static_map import StaticMap
+
+_FIX = "let it offer RELIABLE or BEST_EFFORT, VOLATILE or TRANSIENT_LOCAL"
+
+
+class StaticMapInput:
+    """Passes on the first map that tells ground from water; later ones are of no use to what has begun."""
+
+    def __init__(self, node: Node, take: Callable[[StaticMap], None], refused: Callable[[str], None]) -> None:
+        self._take, self._refused, self._is_known = take, refused, False
+        self._maps = AdaptiveSubscription(node, Image, topic_in(TRACKER_NAME, STATIC_MAP_TOPIC), self._on_map,
+                                          latest_latched, _FIX)
+        self.topic = self._maps.topic
+
+    def refresh(self) -> None:
+        """Follows the publishers' QoS."""
+        self._maps.refresh()
+
+    def _on_map(self, cdr: bytes, _info: Mapping[str, int]) -> None:
+        if self._is_known:
+            return
+        try:
+            found = map_of_message(cdr)
+        except MessageError as error:
+            self._refused(f"{self.topic}: {error}")
+            return
+        if found is not None:
+            self._is_known = True
+            self._take(found)
