@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image
 
 from stab_ros.core.errors import MessageError
@@ -13,7 +14,13 @@ from stab_ros.io.topics import STATIC_MAP_TOPIC, TRACKER_NAME, topic_in
 from stab_ros.nodes.qos import AdaptiveSubscription, latest_latched
 from stab_ros.tracking.static_map import StaticMap
 
+_DEPTH = 10  # of maps that come one after the other: the first that tells ground from water counts
 _FIX = "let it offer RELIABLE or BEST_EFFORT, VOLATILE or TRANSIENT_LOCAL"
+
+
+def _several_latched(offers: Sequence[QoSProfile]) -> QoSProfile:
+    one = latest_latched(offers)
+    return QoSProfile(depth=_DEPTH, reliability=one.reliability, durability=one.durability)
 
 
 class StaticMapInput:
@@ -22,7 +29,7 @@ class StaticMapInput:
     def __init__(self, node: Node, take: Callable[[StaticMap], None], refused: Callable[[str], None]) -> None:
         self._take, self._refused, self._is_known = take, refused, False
         self._maps = AdaptiveSubscription(node, Image, topic_in(TRACKER_NAME, STATIC_MAP_TOPIC), self._on_map,
-                                          latest_latched, _FIX)
+                                          _several_latched, _FIX)
         self.topic = self._maps.topic
 
     def refresh(self) -> None:

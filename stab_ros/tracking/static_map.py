@@ -72,8 +72,7 @@ class StaticMap:
             The map.
         """
         height, width = picture.shape
-        cells = cv2.resize(picture, (-(-width // _STEP_PX), -(-height // _STEP_PX)), interpolation=cv2.INTER_NEAREST)
-        return StaticMap(np.asarray(cells), (width, height))
+        return StaticMap(np.ascontiguousarray(picture[::_STEP_PX, ::_STEP_PX]), (width, height))
 
     @property
     def divides(self) -> bool:
