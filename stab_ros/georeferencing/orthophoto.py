@@ -75,7 +75,8 @@ def _level(ortho_H_image: Homography, size: tuple[int, int], image_size: tuple[i
     if not seen.any():
         return 0
     areas = np.abs(np.linalg.det(point_jacobian(image_H_ortho, places[seen])))
-    return max(0, math.floor(math.log2(float(np.median(areas))) / 2))
+    coarser = max(0, math.floor(math.log2(float(np.median(areas))) / 2))
+    return min(coarser, math.floor(math.log2(min(image_size))))  # a pixel is left
 
 
 def _in_front(ortho_H_image: Homography, size: tuple[int, int]) -> bool:

@@ -62,7 +62,7 @@ def test_windows_of_stabilised_images_show_the_same_ground(graph: Graph) -> None
 
 def test_compressed_images_are_placed_as_raw_ones(graph: Graph) -> None:
     """As bgr8, whatever they are."""
-    settings = {"orientation": "stationary_nadir", "height_m": 30.0}
+    settings: dict[str, Any] = {"orientation": "stationary_nadir", "height_m": 30.0}
     infos, images = graph.listen(CameraInfo, "/cam/ortho_info"), graph.listen(Image, "/cam/image_ortho")
     graph.start("georeference_node", "/cam", queue_depth=0, wait_for_subscribers=1, image_transport="compressed",
                 **settings)
