@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 
 import cv2
 import numpy as np
@@ -51,8 +52,8 @@ def _compared(image: Image, camera: Camera, turn_rad: float, tilt: float, turns:
     photos, spent_s, worst = Orthophotos(camera, "linear"), list[tuple[float, float]](), 0
     for turn in range(turns + 1):  # the first one warms up
         H = _ortho_H_image(turn_rad, tilt, 0.37 * turn)
-        exact_s, exact = _timed(lambda H=H: camera.rectify(image, H, _GRID, cv2.INTER_LINEAR))
-        made_s, made = _timed(lambda H=H: photos.make(image, H, _GRID))
+        exact_s, exact = _timed(partial(camera.rectify, image, H, _GRID, cv2.INTER_LINEAR))
+        made_s, made = _timed(partial(photos.make, image, H, _GRID))
         worst = max(worst, int(np.abs(exact.astype(int) - made).max()))
         spent_s.append((exact_s, made_s))
     exact_ms, made_ms = (1e3 * np.median([pair[k] for pair in spent_s[1:]]) for k in range(2))
