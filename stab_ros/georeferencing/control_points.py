@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,7 +35,7 @@ class ControlPoints:
                              "places, they must be of one number")
         if not (np.isfinite(self.image_px).all() and np.isfinite(self.map_m).all()):
             raise InputError("the coordinates of control points must be finite")
-        twice = sorted({name for name in self.names if self.names.count(name) > 1})
+        twice = sorted(name for name, count in Counter(self.names).items() if count > 1)
         if twice:
             raise InputError(f"two control points are named {twice[0]!r}, names must differ")
 

@@ -10,7 +10,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import inside
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.control_points import ControlPoints
-from stab_ros.georeferencing.local_frame import LOCAL, LocalFrame, crs_doubt
+from stab_ros.georeferencing.local_frame import FARTHEST_M, LOCAL, LocalFrame, crs_doubt
 
 WGS84 = "EPSG:4326"
 _LIKE_A_GRID = 20_000.0  # coordinates above it are those of a projected system
@@ -58,9 +58,19 @@ def placed(names: tuple[str, ...], image_px: FloatArray, places: FloatArray, crs
     if level_m is None and not np.isfinite(places[:, 2]).all():
         doubts.append("points without a height are taken to lie at 0 m; give the water surface elevation")
     if name.lower() == LOCAL:
+        _check_near(names, full)
         return PlacedPoints(ControlPoints(names, image_px, full), LOCAL, None, tuple(doubts))
     frame = frame or LocalFrame.at(name, np.append(full[:, :2].mean(axis=0), 0.0))
     return PlacedPoints(ControlPoints(names, image_px, frame.from_crs(name, full)), name, frame, tuple(doubts))
+
+
+def _check_near(names: tuple[str, ...], map_m: FloatArray) -> None:
+    """Raises InputError for a point (of N, (N, 3)) that no picture shows together with the others."""
+    away_m = np.abs(map_m - np.median(map_m, axis=0)).max(axis=1)
+    farthest = int(np.argmax(away_m))
+    if not away_m[farthest] < FARTHEST_M:
+        raise InputError(f"control point {names[farthest]!r} is {away_m[farthest] / 1e3:.4g} km away from the others, "
+                         f"at most {FARTHEST_M / 1e3:g} km make sense; coordinates must be metres")
 
 
 def check_inside(points: ControlPoints, size: tuple[int, int]) -> None:

@@ -7,19 +7,19 @@ clock: a frame that needs sensors waits until they have told of a time after it.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from stab_ros.core.errors import InputError
-from stab_ros.core.geometry import apply, normalized
+from stab_ros.core.geometry import apply, grid, inside, normalized
 from stab_ros.core.gray import GreyRange, grey_range, to_gray
 from stab_ros.core.types import FloatArray, Frame, Homography, Image
 from stab_ros.georeferencing.control_points import ControlPoints
-from stab_ros.georeferencing.horizon import gsd_m, sampled_pixels, shown_well
+from stab_ros.georeferencing.horizon import gsd_m, in_front, sampled_pixels, shown_well
 from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.georeferencing.orientation import Answer, Orientation, Unplaced
-from stab_ros.georeferencing.ortho_grid import OrthoGrid
+from stab_ros.georeferencing.ortho_grid import MOST_PIXELS, OrthoGrid
 from stab_ros.georeferencing.orthophoto import Orthophotos
 from stab_ros.georeferencing.placement import NO_PICTURE, Motion, Placement, Sighting
 from stab_ros.georeferencing.samples import AttitudeSample, PositionSample
@@ -234,6 +234,8 @@ class Georeferencer:
         grid = self._grid_of(map_H_image)
         if grid is None:
             return Georeferenced(frame, wse_m, Unplaced("the frame shows nothing of the water plane"))
+        doubts = grid_doubts(self._config, grid, map_H_image, self._shown)
+        answer = replace(answer, warnings=(*answer.warnings, *doubts)) if doubts else answer
         return Georeferenced(frame, wse_m, answer, grid, normalized(grid.ortho_H_map @ map_H_image))
 
     def _placed(self, frame: Frame, motion: Motion | None, wse_m: float) -> Answer:
@@ -283,3 +285,31 @@ def make_grid(config: GeoreferenceConfig, map_H_image: Homography, camera: Camer
     margin = config.margin_m * np.array([[-1.0, -1.0], [1.0, 1.0]])
     return OrthoGrid.covering(np.concatenate([outline.min(axis=0)[None], outline.max(axis=0)[None]]) + margin,
                               resolution_m)
+
+
+def grid_doubts(config: GeoreferenceConfig, ortho: OrthoGrid, map_H_image: Homography, camera: Camera
+                ) -> tuple[str, ...]:
+    """What the settings ask of the grid and do not get, one line each.
+
+    Args:
+        config: the settings.
+        ortho: the grid of the orthophotos.
+        map_H_image: (3, 3), from undistorted pixels of a frame to east and north, m.
+        camera: that took it.
+    """
+    said = []
+    if config.resolution_m and ortho.resolution_m > config.resolution_m:
+        said.append(f"resolution_m {config.resolution_m:g} would take more than {MOST_PIXELS} pixels, the orthophoto "
+                    f"has {ortho.resolution_m:.4g} m")
+    if config.borders_m is not None and not _shows(ortho, map_H_image, camera):
+        said.append("the frame shows nothing of extent")
+    return tuple(said)
+
+
+def _shows(ortho: OrthoGrid, map_H_image: Homography, camera: Camera) -> bool:
+    """Whether places of the grid lie in the picture, or pixels in the grid, whichever is the smaller."""
+    pixels = apply(np.linalg.inv(map_H_image) @ ortho.map_H_ortho, grid(ortho.size))
+    if (inside(pixels, camera.size) & in_front(map_H_image, pixels)).any():
+        return True
+    seen = shown_well(map_H_image, sampled_pixels(camera))
+    return bool(inside(apply(ortho.ortho_H_map @ map_H_image, seen), ortho.size).any())

@@ -16,6 +16,8 @@ from stab_ros.imaging.lens_maps import QuickTables, RemapTables
 from stab_ros.imaging.resampling import is_resampled, resample_at
 from stab_ros.imaging.warp import INTERPOLATION, Allocate, warp
 
+_LOOKED_AT = 16  # rows from one to the next, to decide how a picture is mapped
+
 
 class Orthophotos:
     """Maps the pictures of a camera to grids; where the camera is still, the tables of the last frame serve again."""
@@ -48,9 +50,8 @@ class Orthophotos:
             return warp(image, H, size, self._interpolation, None, allocate=allocate)
         camera = self._camera.downscaled(downscaling) if downscaling.level else self._camera
         result = allocate((size[1], size[0], *image.shape[2:]), image.dtype)
-        nodes = camera.nodes(H, size) if self._interpolation == "linear" and is_resampled(image) else None
-        if nodes is not None and nodes.gentle:
-            resample_at(image, nodes, result)
+        if self._interpolation == "linear" and is_resampled(image) and camera.nodes(H, size, _LOOKED_AT).gentle:
+            resample_at(image, camera.nodes(H, size), result)
             return result
         where, shares = self._tables_of(camera, H, size)
         cv2.remap(image, where, shares, INTERPOLATION[self._interpolation], result, cv2.BORDER_CONSTANT)
@@ -75,7 +76,8 @@ def _level(ortho_H_image: Homography, size: tuple[int, int], image_size: tuple[i
     if not seen.any():
         return 0
     areas = np.abs(np.linalg.det(point_jacobian(image_H_ortho, places[seen])))
-    return max(0, math.floor(math.log2(float(np.median(areas))) / 2))
+    coarser = max(0, math.floor(math.log2(float(np.median(areas))) / 2))
+    return min(coarser, math.floor(math.log2(min(image_size))))  # a pixel is left
 
 
 def _in_front(ortho_H_image: Homography, size: tuple[int, int]) -> bool:

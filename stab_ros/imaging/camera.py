@@ -178,18 +178,19 @@ class Camera:
         x, y = cv2.initUndistortRectifyMap(self.K, self.D, rotation, self.K, size, cv2.CV_32FC1)
         return np.asarray(x), np.asarray(y)
 
-    def nodes(self, ref_H_cur: Homography, size: tuple[int, int]) -> Nodes:
+    def nodes(self, ref_H_cur: Homography, size: tuple[int, int], row_step: int = 1) -> Nodes:
         """`maps` at every 32nd pixel of each row, for `resample_at`.
 
         Args:
             ref_H_cur: as for `maps`.
             size: as for `maps`.
+            row_step: rows from one of nodes to the next; above 1 to look at them, as `Nodes.gentle` does.
 
         Returns:
             The nodes.
         """
-        ray_M_pixel = np.linalg.inv(ref_H_cur @ self.K)
-        return Nodes(*lens_maps(self._lens, ray_M_pixel @ np.diag([NODE_PX, 1, 1]), (Nodes.columns(size[0]), size[1])))
+        ray_M_node = np.linalg.inv(ref_H_cur @ self.K) @ np.diag([NODE_PX, row_step, 1])
+        return Nodes(*lens_maps(self._lens, ray_M_node, (Nodes.columns(size[0]), -(-size[1] // row_step))))
 
     def quick_maps(self, ref_H_cur: Homography, size: tuple[int, int]) -> RemapTables | QuickTables:
         """As `maps`, in a fraction of the time and within 0.02 px along each axis; not for the nearest neighbour.

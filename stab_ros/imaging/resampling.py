@@ -21,7 +21,6 @@ _MAX_SLOPE = 0.65 / _SHORT  # largest deviation of the Jacobian from the identit
 _MAX_DEPTH_CHANGE = 0.01  # relative, along a block; position errors grow with its square, to 0.002 px
 _MIN_ROWS_PER_THREAD = 64
 NODE_PX = _LONG // 2  # columns from one node of `Nodes` to the next
-_SAMPLED = 16  # every such row of nodes is looked at
 _TOLERANCE_PX = 0.004  # of the quadratic between nodes
 _NODE_SLOPE, _MOSTLY = 0.9 / _SHORT, 0.75  # as _MAX_SLOPE, for that share of the steps between nodes
 
@@ -46,7 +45,7 @@ def is_gentle(ref_H_cur: Homography, size: tuple[int, int]) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
-    """Source positions of every 32nd pixel of the rows of a result of `wide` pixels, from its first one on.
+    """Source positions of every 32nd pixel of rows of a result, from its first one on.
 
     x_px, y_px: (rows, n) float32, n such that they reach beyond the last block of 64 pixels.
     """
@@ -62,7 +61,7 @@ class Nodes:
     @property
     def gentle(self) -> bool:
         """Whether `resample_at` is exact to 0.01 px, and faster than OpenCV."""
-        steps = np.stack([np.diff(places[::_SAMPLED]) for places in (self.x_px, self.y_px)]) / NODE_PX
+        steps = np.stack([np.diff(places) for places in (self.x_px, self.y_px)]) / NODE_PX
         third = np.diff(steps, n=2) * NODE_PX
         slopes = np.abs(steps - np.array([1.0, 0.0])[:, None, None]).max(axis=0)
         exact = np.abs(third).max(initial=0) < 16 * _TOLERANCE_PX  # a cubic leaves its quadratic by a 16th

@@ -9,12 +9,14 @@ import numpy as np
 from rosbags.typesys.stores import ros2_jazzy as ros
 
 from stab_ros.core.errors import MessageError
+from stab_ros.core.text import one_line
 from stab_ros.core.types import FloatArray
 from stab_ros.io.cdr import IMU, QUATERNION_STAMPED, Header, deserialize, header_message, serialize, to_ns
 from stab_ros.io.sensor_covariance import known_covariance
 
 ATTITUDE_TYPES = (IMU, QUATERNION_STAMPED)
 _LENGTH = 0.01  # that a quaternion may be longer or shorter than 1: single precision and rounded text
+_OPTICAL = "_optical_frame"
 _NO_ESTIMATE = -1.0  # as the first element of a covariance: sensor_msgs/Imu
 
 
@@ -61,7 +63,16 @@ def _attitude(header: ros.std_msgs__msg__Header, quaternion: ros.geometry_msgs__
     q = np.array([quaternion.x, quaternion.y, quaternion.z, quaternion.w])
     fault = fault or _fault(q)
     known, doubt = (None, "") if covariance is None or fault else known_covariance(covariance)
-    return Attitude(to_ns(header.stamp), q if fault else q / np.linalg.norm(q), known, header.frame_id, fault, doubt)
+    doubts = ", ".join(filter(None, (doubt, "" if fault else _axes_doubt(header.frame_id))))
+    return Attitude(to_ns(header.stamp), q if fault else q / np.linalg.norm(q), known, header.frame_id, fault, doubts)
+
+
+def _axes_doubt(frame_id: str) -> str:
+    """What is doubtful of the body's axes, by its name (REP-103: optical frames end so); "": nothing."""
+    if not frame_id.endswith(_OPTICAL):
+        return ""
+    return (f"its frame_id {one_line(frame_id)[:60]} is that of an optical frame, it is taken for x forward, y left, z "
+            "up")
 
 
 def _fault(q: FloatArray) -> str:

@@ -64,5 +64,6 @@ def read_telemetry(path: Path, zone: tzinfo, progress: Progress) -> Recorded:
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     if not any(record.tells for record in recorded.records):
-        raise InputError(f"{path}: holds no position and no attitude, it must be {kind.name}")
+        why = "".join(f"; {warning}" for warning in recorded.warnings)
+        raise InputError(f"{path}: holds no position and no attitude, it must be {kind.name}{why}")
     return recorded

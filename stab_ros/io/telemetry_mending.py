@@ -11,6 +11,7 @@ import numpy as np
 from stab_ros.io.fix_message import fault_of_place
 from stab_ros.io.telemetry_record import Record, Recorded
 
+HIGHEST_M = 100_000.0  # above and below zero: farther, nothing flies
 _METRES_PER_DEGREE = 111_195.0  # of latitude
 _COARSE_M = 1.0
 _ROUNDING_DEG = 1e-9
@@ -36,7 +37,23 @@ def mended(recorded: Recorded, swap: bool) -> Recorded:
         warnings.append(f"{len(found)} of {len(records)} positions are left out, the first: {found[0]}")
         records = [replace(record, latitude_deg=math.nan, longitude_deg=math.nan) if fault else record
                    for record, fault in zip(records, faults, strict=True)]
+    high = [height_m for record in records for height_m in _heights(record) if abs(height_m) > HIGHEST_M]
+    if high:
+        warnings.append(f"{len(high)} heights are left out, the first: it is {high[0]:.4g} m, it must lie within "
+                        f"{HIGHEST_M:g} m")
+        records = [_without_heights(record) if any(abs(h) > HIGHEST_M for h in _heights(record)) else record
+                   for record in records]
     return Recorded(recorded.of_video, recorded.zoneless, records, notes, [*warnings, *_coarse(records)])
+
+
+def _heights(record: Record) -> tuple[float, float]:
+    return record.height_m, record.above_takeoff_m
+
+
+def _without_heights(record: Record) -> Record:
+    """Without those that are none."""
+    height_m, above_m = (math.nan if abs(value) > HIGHEST_M else value for value in _heights(record))
+    return replace(record, height_m=height_m, above_takeoff_m=above_m)
 
 
 def _places(records: Sequence[Record]) -> np.ndarray:

@@ -21,7 +21,7 @@ from stab_ros.io.outputs import check_output
 from stab_ros.io.repeated import measured
 from stab_ros.io.telemetry import TELEMETRY, read_telemetry
 from stab_ros.io.telemetry_clock import TelemetryClock, Timing, clock_of, stamps_of
-from stab_ros.io.telemetry_mending import mended
+from stab_ros.io.telemetry_mending import HIGHEST_M, mended
 from stab_ros.io.telemetry_record import Record, Recorded
 from stab_ros.io.topics import DEFAULT_NAMESPACE, FIX_TOPIC, GIMBAL_TOPIC, IMU_TOPIC, topic_in
 
@@ -174,6 +174,8 @@ def _heights(records: Sequence[Record], home_height_m: float | None, warnings: l
     told = [record.height_m for record in records]
     relative = any(map(math.isfinite, above))
     heights = told
+    if home_height_m is not None and abs(home_height_m) > HIGHEST_M:
+        raise InputError(f"--home-height: {home_height_m:g} m, it must lie within {HIGHEST_M:g} m")
     if home_height_m is not None and relative:
         heights = [home_height_m + height_m for height_m in above]
     elif home_height_m is not None:
@@ -190,6 +192,7 @@ def _heights(records: Sequence[Record], home_height_m: float | None, warnings: l
 def _fix_stream(job: Telemetry, files: Sequence[_File]) -> list[_Stream]:
     file = _telling(files, lambda record: record.placed, "positions")
     if file is None:
+        files[0].warnings.append("there are no positions to be written, only attitudes")
         return []
     placed = [(stamp_ns, record) for stamp_ns, record in file.records if record.placed]
     heights = _heights([record for _, record in placed], job.home_height_m, file.warnings)

@@ -127,3 +127,24 @@ def test_a_huge_grid_is_made_coarser_by_two() -> None:
     grid = OrthoGrid.covering(np.array([[0.0, 0], [2000, 1000]]), 0.05)
     assert grid.resolution_m == 0.2
     assert grid.columns * grid.rows <= MOST_PIXELS < 4 * grid.columns * grid.rows
+
+
+@pytest.mark.parametrize(("extent", "resolution_m", "said"), [
+    ("-5, -5, 5, 5", 0.1, ()), ("900, 900, 910, 910", 0.1, ("the frame shows nothing of extent",)),
+    ("1, 1, 1.4, 1.4", 0.1, ()),  # smaller than the steps in which the frame is looked at
+    ("-4e8, -4e8, 4e8, 4e8", 0.1, ("resolution_m 0.1 would take more than 180000000 pixels, the orthophoto has "
+                                  "1.049e+05 m",)),
+])
+def test_what_an_extent_does_not_show_is_said(extent: str, resolution_m: float, said: tuple[str, ...]) -> None:
+    camera = LENSES["none"]
+    engine = Georeferencer(GeoreferenceConfig(extent=extent, resolution_m=resolution_m), camera,
+                           StationaryPose(camera, _pose(85, 4), None), Sensors(0.0))
+    answer = engine.frame(Frame(np.zeros((540, 960), np.uint8), "mono8", 0)).placement
+    assert answer is not None
+    assert answer.warnings == said
+
+
+def test_a_picture_is_never_halved_to_nothing() -> None:
+    camera = LENSES["none"]
+    H = OrthoGrid(-1e8, 1e8, 1e5, 2000, 2000).ortho_H_map @ map_H_image_of(camera, _pose(90, 0), 0.0)
+    assert Orthophotos(camera, "linear").make(np.full((540, 960), 9, np.uint8), H, (2000, 2000)).max() <= 9

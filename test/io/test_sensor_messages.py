@@ -115,6 +115,13 @@ def test_imu_without_attitude_says_why(q: tuple[float, ...], covariance: np.ndar
     assert fault in read_attitude(imu(q, covariance), IMU).fault
 
 
+def test_attitude_of_an_optical_frame_is_doubted() -> None:
+    message = quaternion_cdr(replace(ATTITUDE, frame_id="drone/camera_optical_frame"))
+    attitude = read_attitude(message, QUATERNION_STAMPED)
+    assert attitude.doubt == ("its frame_id drone/camera_optical_frame is that of an optical frame, it is taken for "
+                              "x forward, y left, z up")
+
+
 def test_written_attitude_is_read_by_ros() -> None:
     message = deserialize_message(imu_cdr(ATTITUDE), Imu)
     o = message.orientation

@@ -173,3 +173,10 @@ def test_output_is_not_overwritten(tmp_path: Path, frame: Path, capsys: pytest.C
     out.write_text("mine", encoding="utf-8")
     assert "--force" in refused(capsys, table(tmp_path / "g.csv", POINTS), "--image", frame, "-o", out)
     assert out.read_text(encoding="utf-8") == "mine"
+
+
+def test_a_point_far_from_the_others_is_named(tmp_path: Path, frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    places = POINTS.map_m.copy()
+    places[2, 0] = 1e300
+    assert "control point 'G3' is 1e+297 km away from the others" in refused(
+        capsys, table(tmp_path / "far.csv", POINTS, places), "--image", frame)

@@ -232,3 +232,17 @@ def test_bad_usage_is_one_line(tmp_path: Path, options: tuple[str, ...], says: s
     assert (left.value.code, len(said.splitlines())) == (2, 1)
     assert says in said
     assert (tmp_path / "out.mcap").read_bytes() == b"mine"
+
+
+def test_heights_that_are_none_and_positions_that_are_missing_are_said(tmp_path: Path) -> None:
+    head = "time,latitude,longitude,height,yaw,pitch\n"
+    rows = [f"{n / 10 + 1},{55 + 1e-6 * n:.6f},-1.670001,{{}},10,-90\n" for n in range(4)]
+    _, high = converted(tmp_path, "high.csv", head + "".join(row.format("-1e9") for row in rows))
+    assert any("4 heights are left out, the first: it is -1e+09 m" in line for line in high.warnings)
+    _, nowhere = converted(tmp_path, "nowhere.csv", "".join([head, *(
+        row.format("9").replace("-1.670001", "") for row in rows)]), force=True)
+    assert any("there are no positions to be written, only attitudes" in line for line in nowhere.warnings)
+    with pytest.raises(InputError, match=r"--home-height: 1e\+20 m, it must lie within 100000 m"):
+        converted(tmp_path, "home.srt", subtitles(9), force=True, home_height_m=1e20)
+    with pytest.raises(InputError, match="hold no moment and are left out, the first is line 2"):
+        converted(tmp_path, "never.csv", head + "soon,55,-1.67,9,10,-90\n", force=True)
