@@ -310,7 +310,7 @@ class Fusion:
     def _kept(self, interval_ns: int, views: float = 0.0) -> FloatArray:
         """Share (8,) of the slow errors that is left after an interval; views: how much ground is new, in views."""
         memory_s = np.repeat([self.settings.position_memory_s, self.settings.attitude_memory_s], 3)
-        return np.exp(-np.append(interval_ns / 1e9 / memory_s, [views, views]))
+        return np.asarray(np.exp(-np.append(interval_ns / 1e9 / memory_s, [views, views])))
 
     def _of_sensors(self, prior: PosePrior, interval_s: float) -> _Observation:
         """The sensors' pose; its white errors count for more where several frames share the samples."""
