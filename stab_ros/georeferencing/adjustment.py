@@ -12,11 +12,14 @@ from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from stab_ros.core.types import BoolArray, FloatArray
 from stab_ros.georeferencing.point_noise import PointNoise
 
-_LEAST_REDUNDANCY = 3  # from which on residuals tell the noise: below it Student's distribution has no variance
+_LEAST_REDUNDANCY = 3  # from which on residuals tell the noise: below it sigmas would grow more than sixfold
+_WITHIN_3_SIGMA = float(norm.cdf(3))
 _EVALUATIONS = 30
 _HUGE_PX = 1e7  # in place of residuals that overflow
 
@@ -113,12 +116,22 @@ class Solution(Generic[P]):
 
     @cached_property
     def variance_factor(self) -> float:
-        """Variance of whitened residuals.
+        """A posteriori variance of whitened residuals; 1 where the noise is known, or the residuals do not tell it."""
+        return self.rss / self.redundancy if self.noise_is_measured else 1.0
 
-        Known noise has 1. Else it is the variance of Student's distribution about the residuals', so that intervals
-        of 3 sigma hold what they should with few points too; with fewer than 3 redundant observations it is 1.
+    @cached_property
+    def coverage_factor(self) -> float:
+        """By which sigmas grow so that 3 of them hold 99.73 %, as of a normal distribution, 1 where noise is known.
+
+        An error over a sigma that the residuals tell has Student's distribution. Its quantile is larger: 4.09 for 9
+        redundant observations.
         """
-        return self.rss / (self.redundancy - 2) if self.noise_is_measured else 1.0
+        return float(student.ppf(_WITHIN_3_SIGMA, self.redundancy)) / 3 if self.noise_is_measured else 1.0
+
+    @property
+    def covering_variance(self) -> float:
+        """Variance factor whose sigmas cover errors as `coverage_factor` says."""
+        return self.variance_factor * self.coverage_factor**2
 
     @cached_property
     def cofactors(self) -> FloatArray:
@@ -134,8 +147,8 @@ class Solution(Generic[P]):
 
     @property
     def covariance(self) -> FloatArray:
-        """(n, n), of the parameters."""
-        return self.cofactors * self.variance_factor
+        """(n, n), of the parameters, such that 3 sigma hold 99.7 % of errors."""
+        return self.cofactors * self.covering_variance
 
     @cached_property
     def redundancies(self) -> FloatArray:

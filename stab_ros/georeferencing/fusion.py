@@ -4,10 +4,12 @@ Homographies tell how a frame lies to the reference, to some hundredths of a pix
 reference lies in the map; and beyond the first view (keyframes) their errors add up. Sensors tell where the camera is,
 in every frame anew, with noise that is partly white and partly slow.
 
-The state is where four points of the current image lie on the ground plane (c, 8 numbers, `PlanePoints`), and the slow
-errors of the sensors' pose (b, 6 Gauss-Markov processes of first order with variance 1). A homography between frames
-carries the points along exactly; only what the stabiliser's own covariance gained since is added as drift. In each
-frame the pose p joins them, and all is solved by least squares:
+The state is where four points of the current image lie on the ground plane (c, 8 numbers, `PlanePoints`), and slow
+errors (b, 8 Gauss-Markov processes of first order with variance 1): six of the sensors' pose in time, and two of the
+homographies along the way. A homography between frames carries the points along; what the stabiliser's own covariance
+gained since is added as drift. And it errs by a share of the way: it follows the plane that fits the features in view,
+which lies above or below the ground or slopes, as where one bank is followed, and no residual shows that. The share
+stays as long as the ground in view does. In each frame the pose p joins them, and all is solved by least squares:
 
     c(p) = c + error of this registration        where the points are seen from p
     z = p + L b + white error                    the sensors' pose; L L^T is the covariance of its slow part
@@ -25,6 +27,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.special import chdtri
 
+from stab_ros.core.geometry import apply
 from stab_ros.core.types import FloatArray, Homography
 from stab_ros.georeferencing.orientation import Unplaced
 from stab_ros.georeferencing.placement import Sighting
@@ -52,6 +55,9 @@ class FusionSettings:
         position_memory_s: after which the correlation of the slow errors of position is 1 / e.
         attitude_memory_s: the same of attitude.
         model_px: standard deviation of what homographies do not describe: lens, relief, rolling shutter.
+        relief_share: standard deviation of the height of what the homographies follow over the plane, as a share of
+            that of the camera over it: the share of the way by which they err. The shape of the view errs by half of
+            it, new in each view.
         unlikely: probability of an innovation below which sensors and homographies are said to contradict each other.
         patience_s: for so long a contradicted frame is left out; then the sensors are followed.
     """
@@ -61,6 +67,7 @@ class FusionSettings:
     position_memory_s: float = 60.0
     attitude_memory_s: float = 60.0
     model_px: float = 0.1
+    relief_share: float = 0.02
     unlikely: float = 1e-6
     patience_s: float = 2.0
 
@@ -85,7 +92,10 @@ class Fused:
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """points: those of the image. x: (14,) c and b. P: (14, 14), its covariance. sigma_m: of drift, so far."""
+    """points: those of the image. x: (16,) c and b. P: (16, 16), its covariance. sigma_m: of drift, so far.
+
+    far_m: greatest distance of the view from the reference, so far.
+    """
 
     points: PlanePoints
     x: FloatArray
@@ -93,11 +103,12 @@ class _State:
     ref_H_cur: Homography
     stamp_ns: int
     sigma_m: float
+    far_m: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class _Observation:
-    """A pose that is observed: pose = p + L b + error, covariance (6, 6) of the error, L (6, 6)."""
+    """A pose that is observed: pose = p + L b + error, covariance (6, 6) of the error, L (6, 8)."""
 
     pose: Pose
     covariance: FloatArray
@@ -139,7 +150,7 @@ class Fusion:
         interval_s = 0.0 if self._last_ns is None else (sighting.stamp_ns - self._last_ns) / 1e9
         self._last_ns = sighting.stamp_ns
         sensors = None if prior is None else self._of_sensors(prior, interval_s)
-        control = None if seen is None else _Observation(seen[0], seen[1] + _SUREST, np.zeros((6, 6)))
+        control = None if seen is None else _Observation(seen[0], seen[1] + _SUREST, np.zeros((6, 8)))
         if sighting.reset_counter != self._reset_counter:
             self._state, self._reset_counter, self._own_m = None, sighting.reset_counter, math.inf
         if sighting.ref_H_cur is None:
@@ -158,9 +169,9 @@ class Fusion:
         placed = None if points is None else points.of_pose(first.pose, self.settings.plane_m)
         if points is None or placed is None:
             return Unplaced("the camera does not look down on the ground, by its sensors")
-        x = np.concatenate([placed[0], np.zeros(6)])
-        information = np.diag(np.repeat([0.0, 1.0], [8, 6]))  # nothing of c, unit variance of b
-        state = _State(points, x, np.eye(14), ref_H_cur, sighting.stamp_ns, 0.0)
+        x = np.concatenate([placed[0], np.zeros(8)])
+        information = np.diag(np.repeat([0.0, 1.0], [8, 8]))  # nothing of c, unit variance of b
+        state = _State(points, x, np.eye(16), ref_H_cur, sighting.stamp_ns, 0.0)
         registration, sigma_m = self._registration(state, x[:8], sighting, ref_H_cur)
         state = replace(state, sigma_m=sigma_m)
         noise = self._noise(state, x[:8], registration, sigma_m)
@@ -175,7 +186,8 @@ class Fusion:
         innovation = math.nan if sensors is None else self._innovation(ahead, noise, sensors)
         if sensors is None or not innovation > chdtri(8, self.settings.unlikely):
             self._contradicted_ns = None if sensors is not None else self._contradicted_ns
-            return self._solved(ahead, inverse(ahead.P), noise, observed, self._start_pose(ahead), innovation)
+            begin = self._pose_at(ahead.points, ahead.x[:8])
+            return self._solved(ahead, inverse(ahead.P), noise, observed, begin, innovation)
         warning = ("sensors and homographies contradict each other: "
                    f"{math.sqrt(innovation / 8):.1f} times as far apart as their sigmas say")
         if self._is_over(sighting.stamp_ns):
@@ -198,9 +210,12 @@ class Fusion:
     def _predicted(self, state: _State, sighting: Sighting, ref_H_cur: Homography) -> tuple[_State, FloatArray]:
         """The state carried to this frame, and the noise (8, 8) of its registration, m^2."""
         c, F = state.points.carried(state.x[:8], inverse(state.ref_H_cur) @ ref_H_cur)
-        kept = self._kept(sighting.stamp_ns - state.stamp_ns)
-        transition = np.zeros((14, 14))
-        transition[:8, :8], transition[8:, 8:] = F, np.diag(kept)
+        by_share = self._by_share(state, c)
+        far_m = max(state.far_m, _from_reference_m(state.points, c, ref_H_cur))
+        c = c + by_share @ state.x[14:]
+        kept = self._kept(sighting.stamp_ns - state.stamp_ns, (far_m - state.far_m) / _view_m(c))
+        transition = np.zeros((16, 16))
+        transition[:8, :8], transition[:8, 14:], transition[8:, 8:] = F, by_share, np.diag(kept)
         P = transition @ state.P @ transition.T
         P[8:, 8:] += np.diag(1 - kept**2)
         registration, now_m = self._registration(state, c, sighting, ref_H_cur)
@@ -208,8 +223,9 @@ class Fusion:
         if now_m > sigma_m or now_m < _FALLEN * sigma_m:
             P[:8, :8] += ((now_m - sigma_m) / max(now_m, _LEAST_M)) ** 2 * registration
             sigma_m = now_m
+        P[:8, :8] += self._relief(far_m - state.far_m, c)
         x = np.concatenate([c, kept * state.x[8:]])
-        ahead = _State(state.points, x, P, ref_H_cur, sighting.stamp_ns, sigma_m)
+        ahead = _State(state.points, x, P, ref_H_cur, sighting.stamp_ns, sigma_m, far_m)
         return ahead, self._noise(state, c, registration, now_m)
 
     def _registration(self, state: _State, c: FloatArray, sighting: Sighting,
@@ -223,6 +239,19 @@ class Fusion:
             self._own_m = min(self._own_m, sigma_m)
         return covariance, sigma_m
 
+    def _by_share(self, state: _State, c: FloatArray) -> FloatArray:
+        """Derivative (8, 2) of the points by the homographies' slow errors: along the camera's way, and across.
+
+        c: (8,), where the points have come to since `state`.
+        """
+        before, now = (self._pose_at(state.points, one).position_m for one in (state.x[:8], c))
+        east, north, _ = self.settings.relief_share * (now - before)
+        return np.tile([[east, -north], [north, east]], (4, 1))
+
+    def _relief(self, advance_m: float, c: FloatArray) -> FloatArray:
+        """Covariance (8, 8) of the points, m^2, that new ground adds to the shape of the view."""
+        return np.asarray((self.settings.relief_share / 2) ** 2 * _view_m(c) * advance_m * np.eye(8))
+
     def _noise(self, state: _State, c: FloatArray, registration: FloatArray, sigma_m: float) -> FloatArray:
         """Covariance (8, 8) of what is new in each registration: the share that is no drift, and the model's errors."""
         own = min(1.0, self._own_m / sigma_m) ** 2 if sigma_m > _LEAST_M else 0.0
@@ -232,37 +261,37 @@ class Fusion:
                 pose: Pose, innovation: float = math.nan) -> Fused | Unplaced:
         """Least squares over c, b and p, by Gauss-Newton from `pose`; keeps the state.
 
-        information: (14, 14), inverse covariance of c and b before.
+        information: (16, 16), inverse covariance of c and b before.
         """
         weight = inverse(noise)
         for _ in range(_ITERATIONS):
             placed = state.points.of_pose(pose, self.settings.plane_m)
             if placed is None:
                 return Unplaced("the camera does not look down on the ground, by sensors and homographies")
-            seen_from = np.concatenate([np.eye(8), np.zeros((8, 6)), -placed[1]], axis=1)
+            seen_from = np.concatenate([np.eye(8), np.zeros((8, 8)), -placed[1]], axis=1)
             N, g = _observing(state.x[8:], pose, observed)
             N += seen_from.T @ weight @ seen_from
-            N[:14, :14] += information
+            N[:16, :16] += information
             step = solved(N, g - seen_from.T @ weight @ (state.x[:8] - placed[0]))
-            pose = turned(pose, step[14:])
+            pose = turned(pose, step[16:])
         covariance = inverse(N)
-        self._state = replace(state, x=state.x + step[:14], P=covariance[:14, :14])
-        return Fused(pose, covariance[14:, 14:], innovation)
+        self._state = replace(state, x=state.x + step[:16], P=covariance[:16, :16])
+        return Fused(pose, covariance[16:, 16:], innovation)
 
     def _lost(self, stamp_ns: int, sensors: _Observation | None, control: _Observation | None) -> Fused | Unplaced:
         """The observed pose, without the sensors' slow errors as far as they are known; the state stays."""
         observed = [one for one in (control, sensors) if one is not None]
         if not observed:
             return Unplaced("the frame is lost, and the sensors tell nothing of it")
-        x, P, pose = np.zeros(6), np.eye(6), observed[0].pose
+        x, P, pose = np.zeros(8), np.eye(8), observed[0].pose
         if self._state is not None:
             kept = self._kept(stamp_ns - self._state.stamp_ns)
             x, P = kept * self._state.x[8:], kept[:, None] * self._state.P[8:, 8:] * kept + np.diag(1 - kept**2)
         for _ in range(_ITERATIONS):
             N, g = _observing(x, pose, observed)
-            N[8:14, 8:14] += inverse(P)
-            pose = turned(pose, solved(N[8:, 8:], g[8:])[6:])
-        return Fused(pose, inverse(N[8:, 8:])[6:, 6:])
+            N[8:16, 8:16] += inverse(P)
+            pose = turned(pose, solved(N[8:, 8:], g[8:])[8:])
+        return Fused(pose, inverse(N[8:, 8:])[8:, 8:])
 
     def _innovation(self, state: _State, noise: FloatArray, sensors: _Observation) -> float:
         """Squared Mahalanobis distance of the points as seen from the sensors' pose to where they are expected."""
@@ -275,21 +304,33 @@ class Fusion:
         off = c - H @ state.x
         return float(off @ solved(S, off))
 
-    def _start_pose(self, state: _State) -> Pose:
-        return pose_of_plane(self.camera, state.points.homography(state.x[:8]), self.settings.plane_m)
+    def _pose_at(self, points: PlanePoints, c: FloatArray) -> Pose:
+        return pose_of_plane(self.camera, points.homography(c), self.settings.plane_m)
 
-    def _kept(self, interval_ns: int) -> FloatArray:
-        """Share (6,) of the slow errors that is left after an interval."""
+    def _kept(self, interval_ns: int, views: float = 0.0) -> FloatArray:
+        """Share (8,) of the slow errors that is left after an interval; views: how much ground is new, in views."""
         memory_s = np.repeat([self.settings.position_memory_s, self.settings.attitude_memory_s], 3)
-        return np.asarray(np.exp(-interval_ns / 1e9 / memory_s))
+        return np.asarray(np.exp(-np.append(interval_ns / 1e9 / memory_s, [views, views])))
 
     def _of_sensors(self, prior: PosePrior, interval_s: float) -> _Observation:
         """The sensors' pose; its white errors count for more where several frames share the samples."""
         covariance = _SUREST if prior.covariance is None else prior.covariance + _SUREST
         shared_s = np.repeat([prior.position_interval_s, prior.attitude_interval_s], 3)
         times = np.sqrt(np.maximum(1.0, shared_s / interval_s)) if interval_s > 0 else np.ones(6)
-        L = math.sqrt(self.settings.slow_share) * np.linalg.cholesky(covariance)
+        slow = math.sqrt(self.settings.slow_share) * np.linalg.cholesky(covariance)
+        L = np.concatenate([slow, np.zeros((6, 2))], axis=1)
         return _Observation(prior.pose, (1 - self.settings.slow_share) * covariance * np.outer(times, times), L)
+
+
+def _view_m(c: FloatArray) -> float:
+    """Half the side of a view whose points lie at c (8,), m: on such a way the ground in view changes."""
+    return float(np.ptp(c[::2]) + np.ptp(c[1::2])) / 4
+
+
+def _from_reference_m(points: PlanePoints, c: FloatArray, ref_H_cur: Homography) -> float:
+    """How far the points, (8,) m, lie from where the reference has them, on average."""
+    reference = apply(points.homography(c) @ inverse(ref_H_cur), points.pixels)
+    return float(np.linalg.norm((c.reshape(4, 2) - reference).mean(axis=0)))
 
 
 def _doubt(covariance: FloatArray | None) -> str | None:
@@ -302,8 +343,8 @@ def _doubt(covariance: FloatArray | None) -> str | None:
 
 
 def _observing(b: FloatArray, pose: Pose, observed: list[_Observation]) -> tuple[FloatArray, FloatArray]:
-    """Normal equations (20, 20), (20,) of observed poses, linear about a pose, for the changes of c, b and p."""
-    N, g = np.zeros((20, 20)), np.zeros(20)
+    """Normal equations (22, 22), (22,) of observed poses, linear about a pose, for the changes of c, b and p."""
+    N, g = np.zeros((22, 22)), np.zeros(22)
     for one in observed:
         M = np.concatenate([np.zeros((6, 8)), one.L, np.eye(6)], axis=1)
         weight = inverse(one.covariance)

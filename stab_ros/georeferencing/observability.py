@@ -50,8 +50,8 @@ def doubts(solution: Solution[CameraProblem], names: Sequence[str]) -> list[str]
 def judged_variance(solution: Solution[CameraProblem]) -> float:
     """Variance of whitened residuals, not below what control points ever have."""
     if solution.noise.image_px is not None:
-        return max(solution.variance_factor, 1.0)
-    return max(solution.variance_factor, LEAST_NOISE_PX**2)
+        return max(solution.covering_variance, 1.0)
+    return max(solution.covering_variance, LEAST_NOISE_PX**2)
 
 
 def rivals(best: Solution[CameraProblem], others: Sequence[Solution[CameraProblem]]) -> list[View]:

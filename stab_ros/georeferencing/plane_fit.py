@@ -209,7 +209,7 @@ def _uncertainty(solution: Solution[PlaneProblem]) -> float:
     ends = [(apply(problem.map_H_image(step), middles), apply(problem.map_H_image(-step), middles))
             for step in np.diag(steps)]
     J = np.stack([(more - less) for more, less in ends], axis=2) / (2 * steps)
-    variance = max(solution.variance_factor, 1.0 if solution.noise.image_px else LEAST_NOISE_PX**2)
+    variance = max(solution.covering_variance, 1.0 if solution.noise.image_px else LEAST_NOISE_PX**2)
     sigma = np.sqrt(np.einsum("nij,jk,nik->n", J, solution.cofactors * variance, J))
     return float(sigma.max() / np.ptp(problem.points.map_m[solution.used, :2], axis=0).max())
 

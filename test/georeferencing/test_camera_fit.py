@@ -57,6 +57,18 @@ def test_pose_of_a_known_camera_is_that_of_opencv() -> None:
     assert np.allclose(fit.view.pose.position_m, -R.T @ shift.ravel(), atol=1e-3)
 
 
+def test_sigmas_that_few_residuals_tell_cover_as_many_errors_as_known_ones() -> None:
+    """Drawn from the linear model of a fit. Without Student's quantile 3 sigma would hold 96 % of errors."""
+    rng, scene = np.random.default_rng(5), Scene()
+    solution = fit_pose(scene.points(5, 0.3, rng), scene.view.camera, near=scene.view).solution
+    noise = rng.standard_normal((20000, len(solution.design)))
+    off = noise @ np.linalg.pinv(solution.design).T
+    rss = np.sum((noise - off @ solution.design.T) ** 2, axis=1)
+    sigma = np.sqrt(rss[:, None] / solution.rss * np.diag(solution.covariance))
+    assert solution.redundancy == 4
+    assert np.mean(np.abs(off) < 3 * sigma) == pytest.approx(0.9973, abs=0.0007)
+
+
 def test_a_known_position_is_kept_or_weighted() -> None:
     scene = Scene()
     points, truth = scene.points(8, 0.3, np.random.default_rng(3)), scene.view.pose.position_m

@@ -57,6 +57,7 @@ class Reach:
         seed: of all noise.
         fit_px: white errors of a registration at the corners of the image.
         ramp_px: error of every keyframe in the same sense: a scale, px at the corners.
+        followed_m: elevation of the ground that the homographies follow.
     """
 
     pose_at: Callable[[float], Pose]
@@ -66,6 +67,7 @@ class Reach:
     seed: int = 1
     fit_px: float = 0.05
     ramp_px: float = 0.05
+    followed_m: float = 0.0
 
     @cached_property
     def poses(self) -> list[Pose]:
@@ -92,7 +94,7 @@ class Reach:
     def sightings(self) -> list[Sighting]:
         """Frames with homographies, as keyframes place them."""
         rng = np.random.default_rng([self.seed, 7])
-        H_map = [view.image_H_map(0.0) for view in map(self.view, range(len(self.poses)))]
+        H_map = [view.image_H_map(self.followed_m) for view in map(self.view, range(len(self.poses)))]
         anchor, pose = 0, AT_REFERENCE
         out = [Sighting(self.stamp_ns(0), _GRAY, np.eye(3), np.zeros((8, 8)))]
         for k in range(1, len(H_map)):

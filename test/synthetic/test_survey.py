@@ -9,17 +9,17 @@ from functools import cache
 import cv2
 import numpy as np
 import pytest
+from board_picks import picked
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import apply
-from stab_ros.core.types import FloatArray, Gray
+from stab_ros.core.types import FloatArray
 from stab_ros.synthetic.camera_path import Motion, Pose
 from stab_ros.synthetic.reach import Board, ReachSettings
 from stab_ros.synthetic.survey_flight import SurveyFlight
 from stab_ros.synthetic.survey_scenes import EQUIDISTANT, NO_LENS, RATIONAL, MapPath, SurveyScene, survey
 
 LENSES = {"none": NO_LENS, "rational": RATIONAL, "equidistant": EQUIDISTANT}
-CRITERIA = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-4)
 
 
 @cache
@@ -73,16 +73,6 @@ def test_nothing_stands_between_the_camera_and_the_ground_it_shows() -> None:
         assert (points[:, 2] > flight.reach.ground_height_m(points[:, 0], points[:, 1]) - 2e-3).all()
 
 
-def refined(image: Gray, px: FloatArray) -> FloatArray:
-    """Corners (2,) near `px` by OpenCV, in a blurred window of twice the resolution, where it is free of bias."""
-    left, top = np.rint(px).astype(int) - 12
-    window = cv2.GaussianBlur(image[top:top + 25, left:left + 25].astype(np.float32), (0, 0), 1.0)
-    doubled = cv2.resize(window, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
-    start = 2 * (px - [left, top]) + 0.5 + 0.6
-    corner = cv2.cornerSubPix(doubled, start.reshape(1, 1, 2).astype(np.float32), (10, 10), (-1, -1), CRITERIA)[0, 0]
-    return np.asarray((corner - 0.5) / 2 + [left, top])
-
-
 @pytest.mark.parametrize(("name", "lens", "size"), [
     ("nadir", "equidistant", (1920, 1080)), ("strip", "none", (1360, 765))])
 def test_boards_are_seen_where_the_truth_says(name: str, lens: str, size: tuple[int, int]) -> None:
@@ -90,7 +80,7 @@ def test_boards_are_seen_where_the_truth_says(name: str, lens: str, size: tuple[
     px = shot.board_px[np.isfinite(shot.board_px).all(axis=1)]
     inside = px[((px > 13) & (px < np.array(size) - 14)).all(axis=1)]
     assert len(inside) >= 6
-    assert np.abs([refined(shot.image, at) - at for at in inside]).max() < 0.035
+    assert np.abs([picked(shot.image, at + 0.3) - at for at in inside]).max() < 0.035
 
 
 def test_boards_are_projected_as_opencv_does_and_hidden_ones_are_said() -> None:
