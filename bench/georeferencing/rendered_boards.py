@@ -1,6 +1,6 @@
 """A rendered survey with relief: how well the water all over the picture is placed by cameras known more or less.
 
-    PYTHONPATH=.:test/helpers .venv/bin/python bench/georeferencing/rendered_survey.py
+    PYTHONPATH=.:test/helpers .venv/bin/python bench/georeferencing/rendered_boards.py
 
 Control points are boards on the banks, 0.3 to 2.6 m above the water, marked in the picture by corner refinement
 (`stab-ros camera` fits the same), or exact. The lens has 8 coefficients and bends by 8 % at the corners; the principal
