@@ -11,7 +11,12 @@ from stab_ros.core.settings import Range, Value
 from stab_ros.nodes.bag_player_node import PlayerSettings
 from stab_ros.nodes.bag_recorder_node import RecorderSettings
 from stab_ros.nodes.params import table_of
-from stab_ros.parameters.node_settings import EvaluatorSettings, GeoreferenceSettings, TrackerSettings, VelocimetrySettings
+from stab_ros.parameters.node_settings import (
+    EvaluatorSettings,
+    GeoreferenceSettings,
+    TrackerSettings,
+    VelocimetrySettings,
+)
 from stab_ros.parameters.presets import PRESETS
 from stab_ros.parameters.table import (
     EVALUATOR_PARAMETERS,
