@@ -18,7 +18,8 @@ from std_msgs.msg import String
 from stab_ros.synthetic.flight import Shot
 
 SHARED_MEMORY = Path("/dev/shm")
-NODES = ("tracker_node", "evaluator_node", "georeference_node", "bag_player_node", "bag_recorder_node")
+NODES = ("tracker_node", "evaluator_node", "georeference_node", "velocimetry_node", "bag_player_node",
+         "bag_recorder_node")
 
 
 Segment = tuple[str, int]  # path and inode: other processes of this machine take up the same names again
