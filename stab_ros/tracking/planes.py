@@ -31,7 +31,7 @@ _LEAST_SHARE = 0.02
 _SCATTERED = (2.0, 4.0)  # times the threshold, where hardly anything agrees within it
 _FEW = 0.2  # of the features
 _LEFT = 0.15  # of the features, which are there in all quarters but on no plane
-_HOLDS = 0.5  # of those
+_HOLDS = 0.25  # of those
 _MANY_MORE = 2.0  # times as many
 LEAST_FEATURES = 12
 _PRESENT = 0.75  # of the frames: with fewer a feature has not kept its template
@@ -108,16 +108,21 @@ def _planes_among(trajectories: Trajectories, among: BoolArray | None, threshold
 
 def _among_the_rest(trajectories: Trajectories, quarters: IdArray, kept: BoolArray, planes: list[Plane],
                     threshold_px: float) -> list[Plane]:
-    """The scattered plane of most features that are on none: what a codec leaves of banks scatters, water may not."""
+    """Scattered planes of many features that are on none: what a codec leaves of banks scatters, water may not."""
     rest = kept & ~np.any([plane.member for plane in planes], axis=0) if planes else np.zeros_like(kept)
     if rest.sum() < max(LEAST_FEATURES, _LEFT * kept.sum()):
         return []
-    for scatter in _SCATTERED:
-        found = _planes(trajectories, quarters, rest, scatter * threshold_px)
-        if _largest_share(found, rest) > _HOLDS:
-            known = any(_is_part_of(found[0], plane, trajectories, scatter * threshold_px) for plane in planes)
-            return [] if known else [replace(found[0], scatter=scatter)]
-    return []
+    return max((_scattered(trajectories, quarters, rest, planes, scatter, threshold_px) for scatter in _SCATTERED),
+               key=lambda found: sum(map(len, found)))
+
+
+def _scattered(trajectories: Trajectories, quarters: IdArray, rest: BoolArray, planes: list[Plane], scatter: float,
+               threshold_px: float) -> list[Plane]:
+    """The planes that hold much of the `rest`, (N,) bool, within so many times the threshold, and are new ones."""
+    wide_px = scatter * threshold_px
+    return [replace(plane, scatter=scatter) for plane in _planes(trajectories, quarters, rest, wide_px)
+            if len(plane) > _HOLDS * rest.sum()
+            and not any(_is_part_of(plane, known, trajectories, wide_px) for known in planes)]
 
 
 def _is_part_of(plane: Plane, other: Plane, trajectories: Trajectories, threshold_px: float) -> bool:
