@@ -26,7 +26,7 @@ from stab_ros.velocimetry.settings import PRESETS, VelocityConfig
 _MEDIAN_OF_NORMAL = 0.6745
 _SIZE, _WIDE = (240, 180), (400, 160)
 _CAMERA = moving_camera()
-_HALVES = {"even": (0, 2), "odd": (1, 3), "all": (0, 1, 2, 3)}
+_HALVES = {"even": (0, 2), "odd": (1, 3), "fresh": (5,)}
 METHODS: dict[str, dict[str, Any]] = {
     "default": {"features": 150}, "klt_iv": {**PRESETS["klt_iv"], "features": 150},
 }

@@ -1,9 +1,9 @@
 """Features that are compared, in every frame, with how they looked first.
 
 Where a feature goes is predicted by its motion on the water plane, so that the camera's motion and its lens are no part
-of the search; only in its first step, without a velocity, is it sought by pyramidal optical flow. Compared with its
-first look, errors do not add up from frame to frame. A feature that no longer looks as it did is compared with how it
-looked last; its errors up to there remain.
+of the search; only in its first step, if no velocity is known, is it sought by pyramidal optical flow. As it is
+compared with its first look, errors do not add up from frame to frame. A feature that no longer looks as it did is
+compared with how it looked last; its errors up to there remain.
 """
 
 from __future__ import annotations
@@ -26,13 +26,15 @@ _ROUGH_PX, _EXACT_PX = 0.1, 0.01  # where alignments end: in the frames between,
 class TemplateFollower:
     """`Follower` by templates."""
 
-    def __init__(self, frame: PlacedFrame, start_px: FloatArray, config: VelocityConfig) -> None:
+    def __init__(self, frame: PlacedFrame, start_px: FloatArray, config: VelocityConfig,
+                 velocity_m_s: FloatArray | None = None) -> None:
         """Cuts the templates.
 
         Args:
             frame: the first one of the interval.
             start_px: (N, 2), pixels as taken.
             config: the settings.
+            velocity_m_s: (N, 2), expected; NaN or None: unknown.
         """
         n = len(start_px)
         self._config, self._first, self._last = config, frame, frame
@@ -40,7 +42,7 @@ class TemplateFollower:
         self._windows = cut_windows(frame.gray, start_px, config.block_px // 2)
         self._footprints = Footprints.of(frame, start_px)
         self._tracks.alive &= np.isfinite(self._footprints.corners_m).all(axis=(1, 2))
-        self._velocity = np.full((n, 2), np.nan)  # in the last step
+        self._velocity = np.full((n, 2), np.nan) if velocity_m_s is None else velocity_m_s.copy()  # in the last step
         self._bent_px_s = np.zeros((n, 2, TERMS))  # by how much windows deform
         self._before_m2 = np.zeros((n, 2, 2))  # covariance of the places at which windows were cut
         self._since_m2 = np.zeros((n, 2, 2))  # of the places relative to those
@@ -58,11 +60,8 @@ class TemplateFollower:
         changed = np.flatnonzero(alive & known & ~self._found & (self._footprints.stamp_ns < self._last.stamp_ns))
         self._renew(changed)
         self._seek(frame, changed, expected_px)
-        new = np.flatnonzero(alive & ~known)
-        flowed_px, consistent = followed(self._last.gray, frame.gray, self._tracks.end_px[new], expected_px[new],
-                                         self._config)
-        expected_px[new] = flowed_px
-        self._seek(frame, new[consistent], expected_px)
+        if self._last is self._first:
+            self._seek_by_flow(frame, np.flatnonzero(alive & ~self._found))
         self._keep(frame)
 
     def finish(self) -> Tracks:
@@ -89,6 +88,15 @@ class TemplateFollower:
         self._bent_px_s[which] = pose.bent_px / elapsed_s[which, None, None]
         J, _ = place_derivatives(frame, pose.at_px)
         self._since_m2[which] = J @ aligned.covariance_px2[good] @ J.transpose(0, 2, 1)
+
+    def _seek_by_flow(self, frame: PlacedFrame, which: IdArray) -> None:
+        """Finds the features `which`, (n,), of which no velocity is known that holds, by pyramidal optical flow."""
+        places_m, start_px = self._tracks.places_m[0][which], self._tracks.start_px[which]
+        at_rest_px = pixels_of(frame, places_m)
+        at_rest_px = np.where(np.isfinite(at_rest_px), at_rest_px, start_px)
+        near_px = self._at_px.copy()
+        near_px[which], consistent = followed(self._first.gray, frame.gray, start_px, at_rest_px, self._config)
+        self._seek(frame, which[consistent], near_px)
 
     def _renew(self, which: IdArray) -> None:
         """Cuts the windows `which`, (n,), anew where they were in the last frame."""

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from stab_ros.core.types import BoolArray, FloatArray
 from stab_ros.velocimetry.filters import PARTS, Candidates, filtered
@@ -17,6 +18,7 @@ from stab_ros.velocimetry.follow import Follower
 from stab_ros.velocimetry.follow_klt import KltFollower
 from stab_ros.velocimetry.follow_template import TemplateFollower
 from stab_ros.velocimetry.placed_frame import PlacedFrame
+from stab_ros.velocimetry.places import places_of
 from stab_ros.velocimetry.plane_mask import PlaneMask
 from stab_ros.velocimetry.seeding import seeds
 from stab_ros.velocimetry.settings import VelocityConfig
@@ -24,7 +26,7 @@ from stab_ros.velocimetry.tracks import Tracks
 from stab_ros.velocimetry.vector_errors import vectors_of
 from stab_ros.velocimetry.vectors import Unit, Vectors
 
-_FOLLOWERS: Mapping[str, type[TemplateFollower | KltFollower]] = {"template": TemplateFollower, "klt": KltFollower}
+_NEIGHBOURS = 3  # vectors of the last interval from which the velocity of a new feature is expected
 _EARLY_NS = 2_000_000  # by which stamps may fall short of `extract_s`
 
 
@@ -71,6 +73,7 @@ class Particles:
         self._follower: Follower | None = None
         self._previous: PlacedFrame | None = None
         self._next_id = 0
+        self._vectors: Vectors | None = None  # of the interval before; None: of another reference, or there are none
         self.last: Interval | None = None
         self.tracks: Tracks | None = None
 
@@ -81,14 +84,14 @@ class Particles:
         before it.
         """
         if self._follower is None or self._is_apart(frame):
-            vectors = self.finish()
+            vectors, self._vectors = self.finish(), None
             self._begin(frame)
             return vectors
         self._follower.follow(frame)
         self._previous = frame
         if frame.stamp_ns - self._start_ns < self._config.extract_s * 1e9 - _EARLY_NS:
             return None
-        vectors = self.finish()
+        vectors = self._vectors = self.finish()
         self._begin(frame)
         return vectors
 
@@ -114,7 +117,12 @@ class Particles:
 
     def _begin(self, frame: PlacedFrame) -> None:
         start_px = seeds(frame, self._water, self._config)
-        self._follower, self._previous = _FOLLOWERS[self._config.follow](frame, start_px, self._config), frame
+        self._previous = frame
+        if self._config.follow == "klt":
+            self._follower = KltFollower(frame, start_px, self._config)
+        else:
+            expected = None if self._vectors is None else nearby(self._vectors, places_of(frame, start_px))
+            self._follower = TemplateFollower(frame, start_px, self._config, expected)
 
     def _is_apart(self, frame: PlacedFrame) -> bool:
         before = self._previous
@@ -132,3 +140,13 @@ def parts_m_s(tracks: Tracks, found: BoolArray) -> FloatArray:
     dt_s = np.diff(tracks.stamps_ns[bounds] * 1e-9, axis=0)[:, :, None]
     velocity = np.divide(np.diff(at_m, axis=0), dt_s, out=np.full_like(at_m[1:], np.nan), where=dt_s > 0)
     return np.asarray(velocity.transpose(1, 0, 2))
+
+
+def nearby(vectors: Vectors, places_m: FloatArray) -> FloatArray:
+    """Velocities (N, 2) to be expected at places (N, 2): the median of the nearest ends; NaN where there are few."""
+    shown = np.isfinite(places_m).all(axis=1)
+    expected = np.full_like(places_m, np.nan)
+    if len(vectors) >= _NEIGHBOURS:
+        _, nearest = cKDTree(vectors.end_m).query(places_m[shown], k=_NEIGHBOURS)
+        expected[shown] = np.median(vectors.velocity_m_s[nearest], axis=1)
+    return expected

@@ -21,6 +21,7 @@ from stab_ros.core.types import FloatArray, Gray, IdArray
 _SMOOTHING_PX, _BLUR_REACH = 1.5, 5  # of the instrument
 _MARGIN = _BLUR_REACH + 2  # and of the gradient
 _LEAST_PER_THREAD = 50
+_CHUNK = 50  # windows that are cut together: their intermediate arrays stay in the processor's cache
 TERMS = 6  # of the polynomial of one component
 PARAMETERS = 2 * TERMS
 
@@ -85,6 +86,22 @@ def cut_windows(gray: Gray, centres_px: FloatArray, radius: int) -> Windows:
         centres_px: (N, 2), whole or fractions of pixels; beyond the border of the image it is continued.
         radius: half the side, px.
     """
+    n, side = len(centres_px), 2 * radius + 1
+    windows = Windows(radius, np.empty((n, side, side), np.float32), np.empty(n),
+                      np.empty((2, n, side, side), np.float32), np.empty((n, PARAMETERS)), np.empty((n, PARAMETERS)),
+                      np.empty((n, PARAMETERS, PARAMETERS)), np.empty((n, PARAMETERS, PARAMETERS)))
+
+    def chunks(first: int, last: int) -> None:
+        for start in range(first * _CHUNK, min(last * _CHUNK, n), _CHUNK):
+            some = np.arange(start, min(start + _CHUNK, n))
+            windows.put(some, _cut(gray, centres_px[some], radius))
+
+    in_parallel(chunks, -(-n // _CHUNK), least=1)
+    return windows
+
+
+def _cut(gray: Gray, centres_px: FloatArray, radius: int) -> Windows:
+    """As `cut_windows`, of few windows at a time."""
     wide = _sampled(gray, centres_px, radius + _MARGIN)
     inner = slice(_MARGIN, -_MARGIN)
     template = wide[:, inner, inner] - wide[:, inner, inner].mean(axis=(1, 2), keepdims=True)
@@ -136,7 +153,7 @@ def _sampled(gray: Gray, centres_px: FloatArray, radius: int) -> FloatArray:
 def _smoothed(wide: FloatArray) -> FloatArray:
     """Windows (N, s, s), each smoothed; rows at its top and bottom mix with those of its neighbours."""
     stacked = wide.reshape(-1, wide.shape[1])
-    return np.asarray(cv2.GaussianBlur(stacked, (0, 0), _SMOOTHING_PX).reshape(wide.shape) if len(wide) else wide)
+    return np.asarray(cv2.GaussianBlur(stacked, (0, 0), _SMOOTHING_PX).reshape(wide.shape))
 
 
 def _gradient(wide: FloatArray, inner: slice) -> FloatArray:
@@ -216,7 +233,7 @@ def _low_noise(values: FloatArray, template: FloatArray, mean: float, gain: floa
             if j > 0:
                 alike += levels[i, j] * levels[i, j - 1]
     neighbours = 2 * blocks * (blocks - 1)
-    correlation = max(alike / neighbours * blocks * blocks / max(power, 1e-9), 0.0)
+    correlation = max(alike / neighbours * blocks * blocks / max(power, 1e-9) - 0.1, 0.0)  # of white noise: 0 +- 0.07
     return power / max(blocks * blocks - 14, 1) * (1 + 2 * correlation) + 1 / 12
 
 

@@ -58,6 +58,16 @@ def test_a_scale_on_the_plane_scales_vectors_and_sigmas() -> None:
     np.testing.assert_allclose(metres.covariance, 1e-4 * pixels.covariance, rtol=1e-4)
 
 
+def test_on_an_orthophoto_north_is_up() -> None:
+    map_H_ortho = np.array([[0.01, 0, 10], [0, -0.01, 20], [0, 0, 1]])
+    water = Water(uniform(0.5, 0.3), size=SIZE, scale=0.01, camera_at=lambda _t: map_H_ortho)
+    vectors = measured(water)
+    error, ratio = errors(water, vectors)
+    np.testing.assert_allclose(np.median(vectors.velocity_m_s, axis=0), [0.5, 0.3], atol=0.002)
+    assert (np.abs(ratio) < 2).mean() >= 0.9
+    assert len(error) > 60
+
+
 def test_the_lens_is_removed_from_the_vectors_not_from_the_image() -> None:
     K = np.array([[160.0, 0, 99.5], [0, 160, 69.5], [0, 0, 1]])
     water = Water(uniform(60, 20), size=SIZE, camera=Camera(K, np.array([-0.12, 0.02, 0, 0, 0]), "plumb_bob", SIZE))
