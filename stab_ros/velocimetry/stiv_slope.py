@@ -31,6 +31,8 @@ _STRIPES = 12  # number of independent columns that is aimed at
 _NARROWEST_PX = 8  # of a column
 _END_PX = 8  # of the line on each side, which the band-pass blurs
 _STANDING = 2.3  # sizes of the pattern on its way, at which all is lost with what stands; found on rendered textures
+_LEAST_SHARED = 0.4  # of the line: what a lag compares, else few samples are alike by chance
+_LEAST_WAY = 5.0  # of a pattern, in its sizes: below, too much of it is taken for standing
 _LOW_PASS_PX, _HIGH_PASS_PX = 1.0, 16.0  # standard deviations of Gaussians
 
 
@@ -157,7 +159,7 @@ def _refined(spectra: _Spectra, velocity: float, longest: int, most_px_s: float)
 
 def _measured(spectra: _Spectra, velocity: float, longest: int) -> Slope | None:
     sums = _summed(spectra, velocity, longest)
-    if sums is None:
+    if sums is None or abs(velocity) * float(np.ptp(spectra.time_s)) < _LEAST_WAY * sums.size_px:
         return None
     step = float(sums.slope.sum() / sums.curve.sum())
     pull = sums.slope - step * sums.curve
@@ -188,7 +190,8 @@ def _summed(spectra: _Spectra, velocity: float, longest: int) -> _Sums | None:
         dt_s = (spectra.time_s[b] - spectra.time_s[a])[:, None]
         power = float((image[a] ** 2 * seen[b]).sum() * (image[b] ** 2 * seen[a]).sum())
         rho = float((image[a] * image[b]).sum()) / np.sqrt(power) if power > 0 else 0.0
-        weight = max(rho, 0.0)
+        shared = float((seen[a] * seen[b]).sum()) / max(float(seen[a].sum()), 1.0)
+        weight = max(rho, 0.0) if shared >= _LEAST_SHARED else 0.0
         bend = weight * dt_s**2 * slant[a] * slant[b]
         both = image[a] * slant[b] * seen[a] - slant[a] * image[b] * seen[b]
         slope = slope + (weight * dt_s * both / 2).sum(axis=0)

@@ -23,7 +23,7 @@ def measured(scene: MovingTexture, count: int = 26, config: LspivConfig | None =
 
 def errors(vectors: Vectors, scene: MovingTexture) -> FloatArray:
     along = scene.flow(vectors.position_m[:, 1])
-    return vectors.velocity_m_s - np.stack([along, np.zeros_like(along)], axis=1)
+    return np.asarray(vectors.velocity_m_s - np.stack([along, np.zeros_like(along)], axis=1))
 
 
 def sigmas(covariance: FloatArray) -> FloatArray:

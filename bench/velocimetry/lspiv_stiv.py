@@ -1,6 +1,6 @@
 """Errors, coverage and time of lspiv and stiv on rendered textures, beside OpenPIV on the same frames.
 
-    PYTHONPATH=.:test/helpers .venv/bin/python bench/velocimetry/methods.py [--openpiv PYTHON] [--seeds 3]
+    PYTHONPATH=.:test/helpers .venv/bin/python bench/velocimetry/lspiv_stiv.py [--openpiv PYTHON] [--seeds 3]
 
 PYTHON: that of an environment in which OpenPIV (GPL-3) is installed; it runs as a process of its own.
 """
@@ -25,7 +25,7 @@ from stab_ros.velocimetry.stiv import Stiv, StivConfig
 from stab_ros.velocimetry.vectors import Vectors
 
 FIRST_SEED = 1000  # constants were chosen on seeds below 100
-FRAMES, SIZE, WINDOW_PX = 26, (224, 176), 48
+FRAMES, SIZE, WINDOW_PX = 26, (208, 160), 48
 HEAD = ("scene", "method", "vectors", "median error mm/s", "within 2 sigma %", "median error / sigma", "CPU ms a frame")
 
 
@@ -74,7 +74,7 @@ def theirs(python: str, scene: MovingTexture, frames: Sequence[PlacedFrame]) -> 
     with tempfile.TemporaryDirectory() as folder:
         given, answered = Path(folder) / "frames.npz", Path(folder) / "found.npz"
         np.savez(given, frames=np.stack([frame.gray for frame in frames]), gap=gap, window=WINDOW_PX)
-        script = Path(__file__).with_name("of_openpiv.py")
+        script = Path(__file__).with_name("lspiv_openpiv.py")
         subprocess.run([python, str(script), str(given), str(answered)], check=True, env={}, capture_output=True)
         found = np.load(answered)
         y, u, v = (found[name].ravel() for name in "yuv")
@@ -110,6 +110,8 @@ def main() -> None:
         of_seeds = [scenes(FIRST_SEED + k)[name] for k in range(arguments.seeds)]
         frames = [scene.frames(FRAMES) for scene in of_seeds]
         for method, components in (("lspiv", 2), ("stiv", 1)):
+            if components == 1 and name.startswith("0.12"):
+                continue  # a second is too short for stiv: the texture goes 3 of its sizes
             results = [ours(scene, seen, components) for scene, seen in zip(of_seeds, frames, strict=True)]
             print(row(name, method, [r[0] for r in results], [r[1] for r in results],
                       float(np.mean([r[2] for r in results]))), flush=True)

@@ -1,7 +1,7 @@
 """A process that measures with OpenPIV; runs in OpenPIV's own environment.
 
-of_openpiv.py FRAMES.npz OUT.npz    FRAMES.npz: frames (n, h, w) uint8, gap, window; OUT.npz: x, y, u, v in px of each
-pair averaged by the median over pairs (y downwards), ms of a frame
+lspiv_openpiv.py FRAMES.npz OUT.npz    FRAMES.npz: frames (n, h, w) uint8, gap, window; OUT.npz: x, y, u, v in px, the
+median over the pairs (y downwards), and ms of a frame, wall and processor
 """
 
 from __future__ import annotations
