@@ -33,6 +33,7 @@ MISLEADING = {  # seed and number of frames
     430007: 60,  # a codec scatters the features of the banks, those of the water keep together
     430095: 60,  # rows that swing: no feature keeps together from frame to frame, those of the water less than others
     430020: 60,  # three planes, each of which can be the ground
+    440106: 60,  # the codec scatters a bank while water that hardly flows keeps together
     430038: 60,  # dirt on the lens before a camera that sways, through which the scene is seen
 }
 
