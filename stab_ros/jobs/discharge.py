@@ -9,8 +9,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.discharge.measure import measure
 from stab_ros.discharge.rating import Gauging, Rating, fit_rating
 from stab_ros.discharge.result import Discharge
-from stab_ros.discharge.running import RunningConfig
-from stab_ros.discharge.settings import DischargeConfig
+from stab_ros.discharge.settings import DischargeConfig, RunningConfig
 from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.io.gauging_file import read_gaugings
 from stab_ros.io.section_file import Heights, read_section

@@ -14,7 +14,8 @@ from live_graph import Graph, image_message, values_of
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CameraInfo, Image
 
-NEEDED = {"replay.launch.py": {"bag": "flown.mcap", "output": "done.mcap"}}
+NEEDED = {"discharge.launch.py": {"section": "section.csv"},
+          "replay.launch.py": {"bag": "flown.mcap", "output": "done.mcap"}}
 FILES = sorted((ROOT / "launch").glob("*.launch.py"))
 
 
