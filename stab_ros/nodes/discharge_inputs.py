@@ -12,7 +12,7 @@ from stab_ros.core.errors import MessageError
 from stab_ros.io.cdr import Header
 from stab_ros.io.georeference_messages import MAP_FRAME
 from stab_ros.io.topics import VELOCITY_TOPIC, WATER_LEVEL_TOPIC
-from stab_ros.io.velocity_message import read_velocity
+from stab_ros.io.velocity_message import read_surface, read_velocity
 from stab_ros.io.water_level_message import WaterLevel, read_water_level
 from stab_ros.nodes.graph_subscription import GraphSubscription
 from stab_ros.nodes.sensor_inputs import LEVEL_CLASSES
@@ -24,8 +24,8 @@ NO_STAMP = 0  # of a level
 class DischargeCallbacks(Protocol):
     """Who takes the decoded messages."""
 
-    def on_velocity(self, header: Header, vectors: Vectors) -> None:
-        """The vectors of an interval; in pixels where they are not in the map."""
+    def on_velocity(self, header: Header, vectors: Vectors, surface_m: float | None) -> None:
+        """The vectors of an interval; in pixels where they are not in the map. surface_m: elevation, where known."""
 
     def on_water_level(self, level: WaterLevel) -> None:
         """A water level without a fault; one without a stamp has NO_STAMP."""
@@ -54,12 +54,12 @@ class DischargeInputs:
 
     def _on_velocity(self, cdr: bytes, _msgtype: str) -> None:
         try:
-            header, vectors = read_velocity(cdr)
+            (header, vectors), surface_m = read_velocity(cdr), read_surface(cdr)
         except MessageError as error:
             self._callbacks.on_unusable(self.velocity.topic, str(error))
             return
         in_map = header.frame_id == MAP_FRAME
-        self._callbacks.on_velocity(header, vectors if in_map else replace(vectors, unit="px"))
+        self._callbacks.on_velocity(header, vectors if in_map else replace(vectors, unit="px"), surface_m)
 
     def _on_level(self, cdr: bytes, msgtype: str) -> None:
         try:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import QoSProfile
 
 from stab_ros.core.settings import Value, settings_of
-from stab_ros.discharge.running import RunningDischarge
+from stab_ros.discharge.doubts import surface_doubts
+from stab_ros.discharge.running import Reading, RunningDischarge
 from stab_ros.discharge.settings import DischargeConfig
 from stab_ros.io.cdr import SECOND_NS, Header
 from stab_ros.io.discharge_message import discharge_cdr
@@ -47,8 +48,8 @@ class DischargeNode(StabNode):
         self._values = {name: declared[name] for name in given}
         section, doubts = placed_section(self._values)
         wse_m = float(self._values["wse_m"]) if "wse_m" in self._values else None
-        self._running = RunningDischarge(
-            section, discharge_config(self._values), running_config(self._values), wse_m)
+        self._config = discharge_config(self._values)
+        self._running = RunningDischarge(section, self._config, running_config(self._values), wse_m)
         self._newest_ns: int | None = None  # stamp of the last velocities
         self._early: WaterLevel | None = None  # a level without a stamp, before any velocities
         self._inputs: DischargeInputs | None = None
@@ -90,7 +91,7 @@ class DischargeNode(StabNode):
         return f"velocities on {velocity.topic}" + ("" if velocity.publishers else ", nobody publishes it")
 
     # input -----------------------------------------------------------------------------------------------------------
-    def on_velocity(self, header: Header, vectors: Vectors) -> None:
+    def on_velocity(self, header: Header, vectors: Vectors, surface_m: float | None) -> None:
         """See `DischargeCallbacks`."""
         self._newest_ns, early = header.stamp_ns, self._early
         self.status.on_velocity(header.stamp_ns, len(vectors), self.free.ns)
@@ -99,8 +100,18 @@ class DischargeNode(StabNode):
         with self._failures:
             reading = self._running.add(header.stamp_ns, vectors)
             if reading is not None:
-                self.status.on_reading(reading)
-                self._output.send(discharge_cdr(reading, header))
+                self._tell(self._with_surface(reading, surface_m), header)
+
+    def _with_surface(self, reading: Reading, surface_m: float | None) -> Reading:
+        """With a warning where the last velocities lie on another water surface."""
+        if reading.discharge is None:
+            return reading
+        doubts = surface_doubts(surface_m, reading.discharge.wse_m, self._config.wse_sigma_m)
+        return replace(reading, warnings=(*doubts, *reading.warnings))
+
+    def _tell(self, reading: Reading, header: Header) -> None:
+        self.status.on_reading(reading)
+        self._output.send(discharge_cdr(reading, header))
 
     def on_water_level(self, level: WaterLevel) -> None:
         """See `DischargeCallbacks`. A level without a stamp holds from the last velocities on, or from the first."""
@@ -131,5 +142,6 @@ class DischargeNode(StabNode):
     def _change(self, changed: dict[str, Value]) -> None:
         """Other settings hold from the next discharge on."""
         values = {**self._values, **changed}
-        self._running.reconfigure(discharge_config(values))
+        self._config = discharge_config(values)
+        self._running.reconfigure(self._config)
         self._values = values

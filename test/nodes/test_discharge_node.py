@@ -110,6 +110,10 @@ def test_a_missing_and_a_stale_level_are_said(graph: Graph, tmp_path: Path) -> N
     assert float(second["wse_m"]) == WSE_M
     assert "9 s old" in second["warnings"]
     stream.report("the water level is 9 s old")
+    levels.publish(Float64(data=WSE_M + 0.2))  # of which velocimetry knows nothing
+    graph.until(lambda: values_of(stream.reports[-1])["water_levels"] == "2", "the next level")
+    stream.flow(range(22, 32))
+    assert "measured on a water surface at 10 m" in stream.discharges(3)[-1]["warnings"]
 
 
 def test_a_section_beside_the_water_and_half_a_section_are_said(graph: Graph, tmp_path: Path) -> None:
@@ -140,7 +144,6 @@ def test_settings_can_be_changed_and_the_section_cannot(graph: Graph, tmp_path: 
 @pytest.mark.parametrize(("parameters", "text"), [
     ({}, "section_file: is not given"),
     ({"section_file": "nowhere.csv"}, "nowhere.csv"),
-    ({"every_s": 60.0, "section_file": ""}, "section_file"),
 ])
 def test_bad_parameters_end_the_node(graph: Graph, parameters: dict[str, object], text: str) -> None:
     node = graph.start("discharge_node", "/cam", **parameters)
