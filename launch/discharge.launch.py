@@ -1,7 +1,7 @@
 """Starts tracker, velocimetry and discharge on one camera.
 
-ros2 launch stab_ros discharge.launch.py section:=section.csv namespace:=/camera velocimetry_config:=my.yaml
-    [config:=my_discharge.yaml] [image:=/camera/image_raw] [fix:=/mavros/global_position/global] [imu:=/mavros/imu/data]
+ros2 launch stab_ros discharge.launch.py section:=section.csv namespace:=/camera config:=my_velocimetry.yaml
+    [discharge_config:=my.yaml] [image:=/camera/image_raw] [fix:=/mavros/global_position/global] [imu:=/mavros/imu/data]
     [gimbal:=/gimbal/attitude] [water_level:=/gauge/level]
 """
 
@@ -15,7 +15,8 @@ from launch import LaunchDescription
 
 _TOPICS = {"image": "image_raw", "camera_info": "camera_info", "fix": "fix", "imu": "imu", "gimbal": "gimbal",
            "water_level": "water_level"}
-_OF_VELOCIMETRY = {"config": "velocimetry_config", **{name: name for name in ("namespace", "tracker_config", *_TOPICS)}}
+# an included file sets its arguments in the file that includes it, so that they have the same names in both
+_OF_VELOCIMETRY = ("namespace", "config", "tracker_config", *_TOPICS)
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -23,20 +24,20 @@ def generate_launch_description() -> LaunchDescription:
     share = FindPackageShare("stab_ros")
     velocimetry = IncludeLaunchDescription(
         PathJoinSubstitution([share, "launch", "velocimetry.launch.py"]),
-        launch_arguments={name: LaunchConfiguration(ours) for name, ours in _OF_VELOCIMETRY.items()}.items(),
+        launch_arguments={name: LaunchConfiguration(name) for name in _OF_VELOCIMETRY}.items(),
     )
     discharge = Node(
         package="stab_ros",
         executable="discharge_node",
         namespace=LaunchConfiguration("namespace"),
         parameters=[
-            LaunchConfiguration("config"),
+            LaunchConfiguration("discharge_config"),
             {"section_file": ParameterValue(LaunchConfiguration("section"), value_type=str)},
         ],
         remappings=[("water_level", LaunchConfiguration("water_level"))],
         output="screen",
     )
-    configs = {"config": ("discharge.yaml", "discharge"), "velocimetry_config": ("velocimetry.yaml", "velocimetry"),
+    configs = {"config": ("velocimetry.yaml", "velocimetry"), "discharge_config": ("discharge.yaml", "discharge"),
                "tracker_config": ("tracker.yaml", "the tracker")}
     return LaunchDescription([
         DeclareLaunchArgument("section", description="Cross-section: X,Y,Z or X,Y,depth in the map"),
