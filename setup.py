@@ -81,6 +81,7 @@ setup(
             "evaluator_node = stab_ros.nodes.evaluator:main",
             "georeference_node = stab_ros.nodes.georeference:main",
             "velocimetry_node = stab_ros.nodes.velocimetry:main",
+            "discharge_node = stab_ros.nodes.discharge:main",
             "bag_player_node = stab_ros.nodes.bag_player:main",
             "bag_recorder_node = stab_ros.nodes.bag_recorder:main",
         ],

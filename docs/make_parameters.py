@@ -11,7 +11,9 @@ from stab_ros.core.settings import Range, Value
 from stab_ros.nodes.bag_player_node import PlayerSettings
 from stab_ros.nodes.bag_recorder_node import RecorderSettings
 from stab_ros.nodes.params import table_of
+from stab_ros.parameters.discharge import DISCHARGE_PARAMETERS
 from stab_ros.parameters.node_settings import (
+    DischargeSettings,
     EvaluatorSettings,
     GeoreferenceSettings,
     TrackerSettings,
@@ -51,8 +53,10 @@ _VELOCITY_PRESETS = """
 
 Parameters that are given beside the name override them.
 """
+_DISCHARGE = "Discharge: `discharge_node`"
 _NODES = {"tracker_node": TrackerSettings, "evaluator_node": EvaluatorSettings,
           "georeference_node": GeoreferenceSettings, "velocimetry_node": VelocimetrySettings,
+          "discharge_node": DischargeSettings,
           "bag_player_node": PlayerSettings,
           "bag_recorder_node": RecorderSettings}
 # a list of strings, which no settings dataclass holds: the recorder declares it by itself
@@ -97,5 +101,6 @@ if __name__ == "__main__":
     print(_section(_GEOREFERENCE, GEOREFERENCE_PARAMETERS.values()))
     print(_section(_VELOCITY, OWN_VELOCITY_PARAMETERS.values()))
     print(_presets(_VELOCITY_PRESETS, VELOCITY_PRESETS))
+    print(_section(_DISCHARGE, DISCHARGE_PARAMETERS.values()))
     for name, settings in _NODES.items():
         print(_section(f"`{name}` alone", [*table_of(settings).values(), *_LISTS.get(name, [])]))

@@ -14,6 +14,7 @@ _FEW = 7  # verticals, from which they tell by themselves how rough the section 
 _MUCH = 0.3  # share of the discharge
 _STEEP = 0.2  # relief of a bed over its width; more is rare in rivers
 _OBLIQUE = 0.36  # tangent of 20 degrees
+_DIFFERS_SIGMAS, _DIFFERS_M = 3.0, 0.05  # from which two water levels contradict each other
 
 
 def looks_like_depths(heights_m: FloatArray) -> bool:
@@ -50,6 +51,20 @@ def section_doubts(section: CrossSection, table: Verticals, wse_m: float) -> lis
         found.append("the elevations of the section rise from its ends to its middle, as depths do: if they are "
                      "depths, say so (--depth)")
     return found
+
+
+def surface_doubts(used_m: float | None, wse_m: float, wse_sigma_m: float) -> tuple[str, ...]:
+    """That the velocities lie on another water surface, whose scale they have.
+
+    Args:
+        used_m: water surface elevation at which they were measured; None: not known.
+        wse_m: that of the discharge.
+        wse_sigma_m: its standard deviation.
+    """
+    if used_m is None or abs(used_m - wse_m) <= max(_DIFFERS_M, _DIFFERS_SIGMAS * wse_sigma_m):
+        return ()
+    return (f"the velocities were measured on a water surface at {used_m:.6g} m, the discharge is asked for at "
+            f"{wse_m:.6g} m; both must be one",)
 
 
 def coverage_doubts(table: Verticals, shares: Shares) -> list[str]:

@@ -5,36 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from stab_ros.core.errors import ConfigError, InputError
-from stab_ros.core.settings import Checked, setting
+from stab_ros.core.errors import InputError
 from stab_ros.discharge.cross_section import CrossSection
 from stab_ros.discharge.measure import measure
 from stab_ros.discharge.result import Discharge
-from stab_ros.discharge.settings import DischargeConfig
+from stab_ros.discharge.settings import DischargeConfig, RunningConfig
 from stab_ros.velocimetry.speeds import joined
 from stab_ros.velocimetry.vectors import Vectors
 
 _NS = 1e9
-
-
-@dataclass(frozen=True)
-class RunningConfig(Checked):
-    """When a running discharge is measured.
-
-    Raises:
-        ConfigError: a value has the wrong type or is out of range, or there is more than a window between discharges.
-    """
-
-    window_s: float = setting(30.0, "Time in seconds over which vectors are gathered for a discharge", 0.1, 86400.0)
-    every_s: float = setting(10.0, "Time in seconds from one discharge to the next, by the stamps", 0.1, 86400.0)
-    level_max_age_s: float = setting(
-        60.0, "Age in seconds from which a water level is reported as stale", 0.0, 864000.0)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.every_s > self.window_s:
-            raise ConfigError(f"every_s: {self.every_s:g} must not lie above window_s, which is {self.window_s:g}: "
-                              "vectors between two windows would be left out")
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +51,10 @@ class RunningDischarge:
         self._parts: list[Vectors] = []
         self._due_ns: int | None = None
         self._last_ns = 0
+
+    def reconfigure(self, config: DischargeConfig) -> None:
+        """Measures by other settings from the next discharge on."""
+        self._config = config
 
     def set_level(self, stamp_ns: int, wse_m: float) -> None:
         """Takes a water level, which holds until a newer one comes; an older one is ignored.
@@ -114,16 +97,23 @@ class RunningDischarge:
     def _reading(self, stamp_ns: int) -> Reading:
         first_ns = stamp_ns - round(self._running.window_s * _NS)
         self._parts = [kept for part in self._parts if len(kept := part[part.end_ns > first_ns])]
-        wse_m = self._given_m if self._level is None else self._level[1]
+        doubts, wse_m = self.level_doubts(stamp_ns), self._wse_m
         if wse_m is None:
-            return Reading(stamp_ns, None, "no water level has come, and none is given (wse_m)")
+            return Reading(stamp_ns, None, doubts[0])
         try:
             found = measure(joined(self._parts), self._section, wse_m, self._config)
         except InputError as error:
-            return Reading(stamp_ns, None, str(error), self._stale(stamp_ns))
-        return Reading(stamp_ns, found, "", (*self._stale(stamp_ns), *found.warnings))
+            return Reading(stamp_ns, None, str(error), doubts)
+        return Reading(stamp_ns, found, "", (*doubts, *found.warnings))
 
-    def _stale(self, stamp_ns: int) -> tuple[str, ...]:
+    @property
+    def _wse_m(self) -> float | None:
+        return self._given_m if self._level is None else self._level[1]
+
+    def level_doubts(self, stamp_ns: int) -> tuple[str, ...]:
+        """That there is no water level at a time, or only a stale one; in one line, if any."""
+        if self._wse_m is None:
+            return ("no water level has come, and none is given (wse_m)",)
         if self._level is None:
             return ()
         age_s = (stamp_ns - self._level[0]) / _NS

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from stab_ros.core.errors import ConfigError
 from stab_ros.core.settings import Checked, setting
 from stab_ros.discharge.filling import FILLINGS
 from stab_ros.discharge.integration import INTEGRATIONS
@@ -40,3 +41,23 @@ class DischargeConfig(Checked):
     depth_sigma_m: float = setting(0.02, "Standard deviation in metres of each surveyed bed point", 0.0, 10.0)
     draws: int = setting(1000, "Number of Monte Carlo draws", 100, 100000)
     seed: int = setting(0, "Seed of the draws", 0, 2**31 - 1)
+
+
+@dataclass(frozen=True)
+class RunningConfig(Checked):
+    """When a running discharge is measured.
+
+    Raises:
+        ConfigError: a value has the wrong type or is out of range, or there is more than a window between discharges.
+    """
+
+    window_s: float = setting(30.0, "Time in seconds over which vectors are gathered for a discharge", 0.1, 86400.0)
+    every_s: float = setting(10.0, "Time in seconds from one discharge to the next, by the stamps", 0.1, 86400.0)
+    level_max_age_s: float = setting(
+        60.0, "Age in seconds from which a water level is reported as stale", 0.0, 864000.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.every_s > self.window_s:
+            raise ConfigError(f"every_s: {self.every_s:g} must not lie above window_s, which is {self.window_s:g}: "
+                              "vectors between two windows would be left out")

@@ -27,6 +27,8 @@ POSE_TOPIC, ORIGIN_TOPIC, GCPS_TOPIC, STATUS_TOPIC = "pose", "origin", "gcps", "
 # what velocimetry publishes
 VELOCITY_TOPIC, VELOCITY_GRID_TOPIC = "velocity", "velocity_grid"
 MARKERS_TOPIC, IMAGE_VELOCITY_TOPIC = "markers", "image_velocity"
+# what discharge_node publishes
+DISCHARGE_TOPIC = "discharge"
 # the same in every namespace
 DIAGNOSTICS_TOPIC = "/diagnostics"
 CLOCK_TOPIC = "/clock"

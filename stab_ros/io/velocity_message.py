@@ -50,6 +50,19 @@ def read_velocity(cdr: bytes | memoryview, unit: Unit = "m") -> tuple[Header, Ve
         raise MessageError(f"a PointCloud2 of velocities that cannot be: {error}") from error
 
 
+def read_surface(cdr: bytes | memoryview) -> float | None:
+    """The water surface elevation on which the vectors of a message lie; None without vectors.
+
+    Raises:
+        MessageError: damaged, or a cloud of something else.
+    """
+    _, table = read_cloud(cdr)
+    if "z" not in (table.dtype.names or ()):
+        raise MessageError("a PointCloud2 without the field z, it must be a velocity of velocimetry_node")
+    heights = table["z"][np.isfinite(table["z"])]
+    return float(np.median(heights)) if len(heights) else None
+
+
 def _vectors(table: Table, stamp_ns: int, unit: Unit) -> Vectors:
     common = sum(name.startswith("shared_vx_") for name in table.dtype.names or ())
     end_ns = stamp_ns + np.round(table["end_offset_s"] * SECOND_NS).astype(np.int64)

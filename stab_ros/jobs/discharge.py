@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from stab_ros.core.errors import InputError
+from stab_ros.discharge.doubts import surface_doubts
 from stab_ros.discharge.measure import measure
 from stab_ros.discharge.rating import Gauging, Rating, fit_rating
 from stab_ros.discharge.result import Discharge
-from stab_ros.discharge.running import RunningConfig
-from stab_ros.discharge.settings import DischargeConfig
+from stab_ros.discharge.settings import DischargeConfig, RunningConfig
 from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.io.gauging_file import read_gaugings
 from stab_ros.io.section_file import Heights, read_section
@@ -18,7 +18,6 @@ from stab_ros.jobs.discharge_input import Line, MeasuredVelocities, in_map, read
 from stab_ros.velocimetry.vectors import Vectors
 
 _NS = 1e9
-_DIFFERS_SIGMAS, _DIFFERS_M = 3.0, 0.05  # from which two water levels contradict each other
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,12 +125,7 @@ def _during(measured: MeasuredVelocities, stamp_ns: int) -> bool:
 
 
 def _contradiction(job: DischargeJob, measured: MeasuredVelocities, wse_m: float) -> tuple[str, ...]:
-    """That the velocities lie on another water surface, whose scale they have."""
-    used_m = measured.used_wse_m
-    if used_m is None or abs(used_m - wse_m) <= max(_DIFFERS_M, _DIFFERS_SIGMAS * job.config.wse_sigma_m):
-        return ()
-    return (f"the velocities were measured on a water surface at {used_m:.6g} m, the discharge is asked for at "
-            f"{wse_m:.6g} m; both must be one",)
+    return surface_doubts(measured.used_wse_m, wse_m, job.config.wse_sigma_m)
 
 
 def gauging_of(measured: MeasuredDischarge, stage_m: float | None) -> Gauging:

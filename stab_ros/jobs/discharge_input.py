@@ -17,11 +17,10 @@ from stab_ros.io.bag import BagReader, Message, Topic, open_bag
 from stab_ros.io.cdr import NAV_SAT_FIX, POINT_CLOUD2
 from stab_ros.io.fix_message import read_fix
 from stab_ros.io.georeference_messages import MAP_FRAME
-from stab_ros.io.point_cloud import read_cloud
 from stab_ros.io.section_file import Heights, SectionTable
 from stab_ros.io.topics import ORIGIN_TOPIC, WATER_LEVEL_TOPIC
 from stab_ros.io.velocity_csv import read_velocities
-from stab_ros.io.velocity_message import read_velocity
+from stab_ros.io.velocity_message import read_surface, read_velocity
 from stab_ros.io.water_level_message import WATER_LEVEL_TYPES, read_water_level
 from stab_ros.velocimetry.speeds import joined
 from stab_ros.velocimetry.vectors import Vectors
@@ -92,7 +91,8 @@ class _Gathered:
         """Raises MessageError for a damaged message."""
         if msgtype == POINT_CLOUD2:
             self.parts.append(_vectors(message))
-            self.used_wse_m += _level_of(message)
+            used_m = read_surface(message.data)
+            self.used_wse_m += [] if used_m is None else [used_m]
         elif msgtype == NAV_SAT_FIX:
             fix = read_fix(message.data)
             self.origin = None if fix.fault else LocalFrame(fix.latitude_deg, fix.longitude_deg, fix.height_m)
@@ -121,13 +121,6 @@ def _gathered(path: Path, bag: BagReader, velocity: Topic, others: list[Topic]) 
 def _vectors(message: Message) -> Vectors:
     header, vectors = read_velocity(message.data)
     return vectors if header.frame_id == MAP_FRAME else read_velocity(message.data, "px")[1]
-
-
-def _level_of(message: Message) -> list[float]:
-    """The water surface elevation at which the vectors of a message lie."""
-    _, table = read_cloud(message.data)
-    heights = table["z"][np.isfinite(table["z"])]
-    return [float(np.median(heights))] if len(heights) else []
 
 
 @dataclass(frozen=True)

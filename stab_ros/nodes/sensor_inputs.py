@@ -18,7 +18,7 @@ from stab_ros.io.water_level_message import WaterLevel, read_water_level
 from stab_ros.nodes.graph_subscription import GraphSubscription, TypedCallback
 from stab_ros.parameters.node_settings import GeoreferenceSettings
 
-_LEVELS = {"auto": (PointStamped, Float64), "Float64": (Float64,), "PointStamped": (PointStamped,)}
+LEVEL_CLASSES = {"auto": (PointStamped, Float64), "Float64": (Float64,), "PointStamped": (PointStamped,)}
 _ATTITUDES = {GIMBAL_TOPIC: (QuaternionStamped, Imu), IMU_TOPIC: (Imu, QuaternionStamped)}
 
 
@@ -57,7 +57,8 @@ class SensorInputs:
         """newest_ns: the stamp of the newest frame: after it, a level without a stamp holds."""
         self._node, self._settings, self._callbacks, self._newest_ns = node, settings, callbacks, newest_ns
         self._fix = GraphSubscription(node, FIX_TOPIC, [NavSatFix], self._on_fix)
-        self._level = GraphSubscription(node, WATER_LEVEL_TOPIC, _LEVELS[settings.water_level_type], self._on_level)
+        self._level = GraphSubscription(
+            node, WATER_LEVEL_TOPIC, LEVEL_CLASSES[settings.water_level_type], self._on_level)
         self._attitudes: dict[str, GraphSubscription] = {}
 
     def open_attitude(self) -> None:

@@ -9,7 +9,9 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.settings import Value, settings_of
 from stab_ros.core.text import one_line
 from stab_ros.io.yaml_file import read_yaml
+from stab_ros.parameters.discharge import DISCHARGE_PARAMETERS
 from stab_ros.parameters.node_settings import (
+    DischargeSettings,
     EvaluatorSettings,
     TrackerSettings,
     VelocimetrySettings,
@@ -24,13 +26,14 @@ from stab_ros.parameters.table import (
 )
 
 TRACKER, EVALUATOR, GEOREFERENCE = "tracker_node", "evaluator_node", "georeference_node"
-VELOCIMETRY = "velocimetry_node"
+VELOCIMETRY, DISCHARGE = "velocimetry_node", "discharge_node"
 
 _TABLES = {TRACKER: PARAMETERS, EVALUATOR: EVALUATOR_PARAMETERS, GEOREFERENCE: GEOREFERENCE_PARAMETERS,
-           VELOCIMETRY: VELOCITY_PARAMETERS}
+           VELOCIMETRY: VELOCITY_PARAMETERS, DISCHARGE: DISCHARGE_PARAMETERS}
 # parameters of the nodes themselves, which the engines do not have; the commands skip them
-_OF_THE_NODES = frozenset(name for settings in (TrackerSettings, EvaluatorSettings, VelocimetrySettings)
-                          for name, _, _ in settings_of(settings))
+_OF_THE_NODES = frozenset(
+    name for settings in (TrackerSettings, EvaluatorSettings, VelocimetrySettings, DischargeSettings)
+    for name, _, _ in settings_of(settings))
 _OF_ROS, _QOS = "use_sim_time", "qos_overrides."
 _OF_ALL_NODES = ("/**", "/*")
 

@@ -91,3 +91,16 @@ class VelocimetrySettings(GeoreferenceSettings):
     water_level_timeout_s: float = setting(
         900.0, "Age in seconds of the last water_level above which /diagnostics warns of it: the scale may be wrong",
         1.0, 1e6)
+
+
+@dataclass(frozen=True)
+class DischargeSettings(Checked):
+    """Settings of the discharge node."""
+
+    water_level_type: str = setting(
+        "auto", "Type of water_level: std_msgs/Float64, geometry_msgs/PointStamped, or auto for that of its publisher",
+        choices=("auto", "Float64", "PointStamped"))
+    stale_s: float = setting(
+        10.0, "Time in seconds without velocities, while free to take them, before the state is STALE", 0.05, 3600.0)
+    wait_for_subscribers: int = setting(
+        0, "Number of subscribers to discharge to wait for before taking velocities", 0, 1000)

@@ -8,8 +8,8 @@ from analytic_river import PROFILES, WSE_M, River
 
 from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.discharge.measure import measure
-from stab_ros.discharge.running import Reading, RunningConfig, RunningDischarge
-from stab_ros.discharge.settings import DischargeConfig
+from stab_ros.discharge.running import Reading, RunningDischarge
+from stab_ros.discharge.settings import DischargeConfig, RunningConfig
 from stab_ros.velocimetry.speeds import joined
 from stab_ros.velocimetry.vectors import Vectors
 

@@ -14,7 +14,8 @@ from live_graph import Graph, image_message, values_of
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CameraInfo, Image
 
-NEEDED = {"replay.launch.py": {"bag": "flown.mcap", "output": "done.mcap"}}
+NEEDED = {"discharge.launch.py": {"section": "section.csv"},
+          "replay.launch.py": {"bag": "flown.mcap", "output": "done.mcap"}}
 FILES = sorted((ROOT / "launch").glob("*.launch.py"))
 
 
@@ -32,6 +33,8 @@ def test_what_a_launch_file_starts_is_there(file: Path) -> None:
 def test_arguments_reach_the_nodes() -> None:
     left, right = started(ROOT / "launch" / "two_cameras.launch.py", second="/bow")
     assert (left.namespace, right.namespace) == ("/left", "/bow")
+    *_, discharge = started(ROOT / "launch" / "discharge.launch.py", section="a b.csv", config="my.yaml")
+    assert discharge.parameters == [ROOT / "config" / "discharge.yaml", {"section_file": "a b.csv"}]
     replay = ROOT / "launch" / "replay.launch.py"
     replayed = started(replay, bag="a.mcap", output="b.mcap", rate="2.0", evaluate="false")
     assert [node.executable for node in replayed] == ["tracker_node", "bag_recorder_node", "bag_player_node"]

@@ -1,0 +1,52 @@
+"""Starts tracker, velocimetry and discharge on one camera.
+
+ros2 launch stab_ros discharge.launch.py section:=section.csv namespace:=/camera config:=my_velocimetry.yaml
+    [discharge_config:=my.yaml] [image:=/camera/image_raw] [fix:=/mavros/global_position/global] [imu:=/mavros/imu/data]
+    [gimbal:=/gimbal/attitude] [water_level:=/gauge/level]
+"""
+
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+from launch import LaunchDescription
+
+_TOPICS = {"image": "image_raw", "camera_info": "camera_info", "fix": "fix", "imu": "imu", "gimbal": "gimbal",
+           "water_level": "water_level"}
+# an included file sets its arguments in the file that includes it, so that they have the same names in both
+_OF_VELOCIMETRY = ("namespace", "config", "tracker_config", *_TOPICS)
+
+
+def generate_launch_description() -> LaunchDescription:
+    """`velocimetry.launch.py`, and a third node in the same namespace that takes its velocities."""
+    share = FindPackageShare("stab_ros")
+    velocimetry = IncludeLaunchDescription(
+        PathJoinSubstitution([share, "launch", "velocimetry.launch.py"]),
+        launch_arguments={name: LaunchConfiguration(name) for name in _OF_VELOCIMETRY}.items(),
+    )
+    discharge = Node(
+        package="stab_ros",
+        executable="discharge_node",
+        namespace=LaunchConfiguration("namespace"),
+        parameters=[
+            LaunchConfiguration("discharge_config"),
+            {"section_file": ParameterValue(LaunchConfiguration("section"), value_type=str)},
+        ],
+        remappings=[("water_level", LaunchConfiguration("water_level"))],
+        output="screen",
+    )
+    configs = {"config": ("velocimetry.yaml", "velocimetry"), "discharge_config": ("discharge.yaml", "discharge"),
+               "tracker_config": ("tracker.yaml", "the tracker")}
+    return LaunchDescription([
+        DeclareLaunchArgument("section", description="Cross-section: X,Y,Z or X,Y,depth in the map"),
+        DeclareLaunchArgument("namespace", default_value="/camera", description="Namespace of the camera"),
+        *(DeclareLaunchArgument(name, default_value=PathJoinSubstitution([share, "config", file]),
+                                description=f"Parameter file of {node}")
+          for name, (file, node) in configs.items()),
+        *(DeclareLaunchArgument(name, default_value=topic, description=f"Topic in place of {topic}")
+          for name, topic in _TOPICS.items()),
+        velocimetry,
+        discharge,
+    ])

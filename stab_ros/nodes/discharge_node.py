@@ -1,0 +1,147 @@
+"""Discharge live: the ROS side of `RunningDischarge`."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos import QoSProfile
+
+from stab_ros.core.settings import Value, settings_of
+from stab_ros.discharge.doubts import surface_doubts
+from stab_ros.discharge.running import Reading, RunningDischarge
+from stab_ros.discharge.settings import DischargeConfig
+from stab_ros.io.cdr import SECOND_NS, Header
+from stab_ros.io.discharge_message import discharge_cdr
+from stab_ros.io.topics import DISCHARGE_TOPIC
+from stab_ros.io.water_level_message import WaterLevel
+from stab_ros.jobs.placed_section import placed_section
+from stab_ros.nodes import params
+from stab_ros.nodes.cdr_publisher import CdrPublisher
+from stab_ros.nodes.discharge_inputs import NO_STAMP, DischargeInputs
+from stab_ros.nodes.discharge_status import DischargeStatus
+from stab_ros.nodes.failures import Failures
+from stab_ros.nodes.runtime import StabNode
+from stab_ros.nodes.spinner import Spinner
+from stab_ros.nodes.throttled_warnings import ThrottledWarnings
+from stab_ros.parameters.discharge import DISCHARGE_PARAMETERS, discharge_config, running_config
+from stab_ros.parameters.node_settings import DischargeSettings
+from stab_ros.velocimetry.vectors import Vectors
+
+_POLL_NS = SECOND_NS // 10  # period at which subscribers and publishers are checked
+
+SETTINGS = params.table_of(DischargeSettings)
+CHANGEABLE = frozenset(name for name, _, _ in settings_of(DischargeConfig))  # section and window stay as they are
+
+
+class DischargeNode(StabNode):
+    """Publishes a discharge, or why there is none, every `every_s` by the stamps of the velocities."""
+
+    def __init__(self) -> None:
+        super().__init__("discharge_node")
+        given = [name for name in DISCHARGE_PARAMETERS if params.given(self, name) is not None]
+        declared = params.declare(self, {**DISCHARGE_PARAMETERS, **SETTINGS}, CHANGEABLE)
+        params.warn_of_unknown(self, declared)
+        chosen: Any = {item.name: declared[item.name] for item in fields(DischargeSettings)}
+        self.settings = DischargeSettings(**chosen)
+        self._values = {name: declared[name] for name in given}
+        section, doubts = placed_section(self._values)
+        wse_m = float(self._values["wse_m"]) if "wse_m" in self._values else None
+        self._config = discharge_config(self._values)
+        self._running = RunningDischarge(section, self._config, running_config(self._values), wse_m)
+        self._newest_ns: int | None = None  # stamp of the last velocities
+        self._early: WaterLevel | None = None  # a level without a stamp, before any velocities
+        self._inputs: DischargeInputs | None = None
+        self._warnings, self._failures = ThrottledWarnings(self.get_logger()), Failures(self.get_logger())
+        self.status = DischargeStatus(round(self.settings.stale_s * SECOND_NS), doubts)
+        self._output = CdrPublisher(self, DiagnosticArray, DISCHARGE_TOPIC, QoSProfile(depth=100), lossless=True)
+        params.ParameterUpdates(self, DISCHARGE_PARAMETERS, self._change)
+        self.create_steady_timer(1.0, self._report)
+
+    # start and end ---------------------------------------------------------------------------------------------------
+    def prepare(self) -> None:
+        self.create_steady_timer(_POLL_NS / SECOND_NS, self._poll)
+        self._poll()
+
+    def work(self, spinner: Spinner) -> None:
+        super().work(spinner)
+        self._output.flush()
+
+    def on_failure(self, error: BaseException) -> None:
+        if not isinstance(error, Exception):
+            raise error
+        self._failures.note(error)
+
+    def _poll(self) -> None:
+        """Follows the publishers, once subscribers are there."""
+        self.free.ticked(_POLL_NS)
+        if self._inputs is None and self._output.subscribers >= self.settings.wait_for_subscribers:
+            self._inputs = DischargeInputs(self, self.settings.water_level_type, self)
+            self.get_logger().info(f"ready, taking velocities from {self._inputs.velocity.topic}")
+        if self._inputs is not None:
+            self._inputs.refresh()
+            self.status.faults = self._inputs.faults
+        self.status.waiting_for = self._awaited()
+
+    def _awaited(self) -> str:
+        if self._inputs is None:
+            return f"{self.settings.wait_for_subscribers} subscribers of {self._output.topic}"
+        velocity = self._inputs.velocity
+        return f"velocities on {velocity.topic}" + ("" if velocity.publishers else ", nobody publishes it")
+
+    # input -----------------------------------------------------------------------------------------------------------
+    def on_velocity(self, header: Header, vectors: Vectors, surface_m: float | None) -> None:
+        """See `DischargeCallbacks`."""
+        self._newest_ns, early = header.stamp_ns, self._early
+        self.status.on_velocity(header.stamp_ns, len(vectors), self.free.ns)
+        if early is not None:
+            self.on_water_level(early)
+        with self._failures:
+            reading = self._running.add(header.stamp_ns, vectors)
+            if reading is not None:
+                self._tell(self._with_surface(reading, surface_m), header)
+
+    def _with_surface(self, reading: Reading, surface_m: float | None) -> Reading:
+        """With a warning where the last velocities lie on another water surface."""
+        if reading.discharge is None:
+            return reading
+        doubts = surface_doubts(surface_m, reading.discharge.wse_m, self._config.wse_sigma_m)
+        return replace(reading, warnings=(*doubts, *reading.warnings))
+
+    def _tell(self, reading: Reading, header: Header) -> None:
+        self.status.on_reading(reading)
+        self._output.send(discharge_cdr(reading, header))
+
+    def on_water_level(self, level: WaterLevel) -> None:
+        """See `DischargeCallbacks`. A level without a stamp holds from the last velocities on, or from the first."""
+        if level.stamp_ns == NO_STAMP and self._newest_ns is None:
+            self._early = level
+            return
+        self._early = None
+        stamp_ns = self._newest_ns if level.stamp_ns == NO_STAMP and self._newest_ns is not None else level.stamp_ns
+        self._running.set_level(stamp_ns, level.wse_m)
+        self.status.on_level(stamp_ns)
+
+    def on_unusable(self, topic: str, text: str) -> None:
+        """See `DischargeCallbacks`."""
+        self.status.count("messages_refused")
+        said = f"refused a message: {topic}: {text}"
+        self.status.warn(f"unusable {topic}", said)
+        self._warnings.log(topic, said)
+
+    # diagnostics and parameters --------------------------------------------------------------------------------------
+    def _report(self) -> None:
+        if self._newest_ns is not None:
+            self.status.level_doubts = self._running.level_doubts(self._newest_ns)
+        if self._failures.count > self.status.errors:
+            self.status.errors = self._failures.count
+            self.status.warn("internal", self._failures.last)
+        self.publish_diagnostics(self.status.report(self.free.ns))
+
+    def _change(self, changed: dict[str, Value]) -> None:
+        """Other settings hold from the next discharge on."""
+        values = {**self._values, **changed}
+        self._config = discharge_config(values)
+        self._running.reconfigure(self._config)
+        self._values = values
