@@ -17,9 +17,11 @@ from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.settings import Checked, setting
 from stab_ros.imaging.camera import Camera
 from stab_ros.methods import METHODS
+from stab_ros.parameters.discharge import running_config
 from stab_ros.parameters.engines import make_evaluator, make_georeferencer, make_stabilizer
-from stab_ros.parameters.file import EVALUATOR, GEOREFERENCE, TRACKER, read_config
+from stab_ros.parameters.file import DISCHARGE, EVALUATOR, GEOREFERENCE, TRACKER, VELOCIMETRY, read_config
 from stab_ros.parameters.table import PARAMETERS, Parameter, checked_values, stabilizer_config
+from stab_ros.parameters.velocimeters import check_velocimetry
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 NUMBERS = [p for p in PARAMETERS.values() if isinstance(p.default, (int, float)) and not isinstance(p.default, bool)]
@@ -202,4 +204,7 @@ def test_our_own_files_make_an_engine() -> None:
     make_evaluator(read_config(CONFIG / "evaluator.yaml", EVALUATOR))
     camera = Camera(np.diag([1000.0, 1000.0, 1.0]), np.zeros(0), "plumb_bob", (640, 480))
     make_georeferencer(read_config(CONFIG / "georeference.yaml", GEOREFERENCE), camera, camera.size)
-    assert {path.name for path in CONFIG.glob("*.yaml")} == {"tracker.yaml", "evaluator.yaml", "georeference.yaml"}
+    check_velocimetry(read_config(CONFIG / "velocimetry.yaml", VELOCIMETRY))
+    running_config(read_config(CONFIG / "discharge.yaml", DISCHARGE))
+    assert {path.stem for path in CONFIG.glob("*.yaml")} == {
+        "tracker", "evaluator", "georeference", "velocimetry", "discharge"}
