@@ -11,6 +11,7 @@ the mean velocity of the water that was at their start.
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -48,10 +49,11 @@ _SCENES = tuple(_SECONDS)
 _FLAWLESS, _NONE, _OURS = "exact", "unstabilised", "tracker"
 _BANK = VelocityConfig(features=300, local_median=0.0, steadiness=0.0)  # as the product's check of the bank
 _BANK_M_PX = 16  # windows on the bank show no water
-_SURVEYED = 41  # points of the section
-_HEAD = ["frames placed", "lost, %", "vectors", "mean speed, mm/s", "error along flow, mm/s", "median size of it, mm/s",
-         "median size of error, mm/s", "% of mean speed", "median sigma, mm/s", "within 2 sigma, %", "ratio",
-         "bank, mm/s", "its sigma", "at rest", "Q, error %", "95 %"]
+_SURVEYED, _SEARCH_SHARE = 41, 0.05  # points of the section, and search distance as a share of its length
+_GRID_PX = 40
+_HEAD = ["frames placed", "lost, %", "unrest, mm/s", "vectors", "mean speed, mm/s", "error along flow, mm/s",
+         "median size of it, mm/s", "median size of error, mm/s", "% of mean speed", "median sigma, mm/s",
+         "within 2 sigma, %", "ratio", "bank, mm/s", "its sigma", "at rest", "Q, error %", "95 %"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +118,21 @@ def _placed(river: River, track: Track) -> PlacedFrame:
                        normalized(map_H_ref @ track.ref_H_cur), covariance, epoch=track.reset_counter)
 
 
+def unrest_m_s(river: River, placed: Sequence[PlacedFrame]) -> float:
+    """Median size of the velocity that homographies alone give to places on the water that rest, 1 s apart."""
+    width, height = river.flight.size
+    x, y = np.meshgrid(np.arange(0, width, _GRID_PX), np.arange(0, height, _GRID_PX))
+    places_m = apply(river.flight.map_H_image(0), np.column_stack([x.ravel(), y.ravel()]).astype(float))
+    places_m = places_m[river.flight.shore_distance_m(places_m) > 0]
+    stamps = [river.flight.stamp_ns(k) for k in range(len(river.images))]
+    off_m = [frame.to_plane(apply(np.linalg.inv(river.flight.map_H_image(stamps.index(frame.stamp_ns))), places_m))
+             - places_m for frame in placed]
+    gap = round(river.flight.preset.fps)
+    errors = [(off_m[k + gap] - off_m[k]) / ((placed[k + gap].stamp_ns - placed[k].stamp_ns) * 1e-9)
+              for k in range(len(placed) - gap)]
+    return float(np.median(np.linalg.norm(errors, axis=2))) if errors else float("nan")
+
+
 def measured(method: Method, frames: Iterable[PlacedFrame]) -> list[Vectors]:
     """The vectors of each interval."""
     found = [vectors for vectors in (method.add(frame) for frame in frames) if vectors is not None]
@@ -135,6 +152,7 @@ class Judged:
         bank_sigma: (I, 2).
         at_rest: of each interval.
         discharge: (F, 3), of each flight: relative error, lower and upper bound of the interval, by the truth.
+        unrest: of each flight, see `unrest_m_s`.
         lost: share of frames.
     """
 
@@ -145,15 +163,16 @@ class Judged:
     bank_sigma: FloatArray
     at_rest: Sequence[bool | None]
     discharge: FloatArray
+    unrest: FloatArray
     lost: float
 
     @staticmethod
     def of_all(parts: Sequence[Judged]) -> Judged:
-        errors, sigmas, speeds, bank, bank_sigma, discharge = (
+        errors, sigmas, speeds, bank, bank_sigma, discharge, unrest = (
             np.concatenate([getattr(one, key) for one in parts])
-            for key in ("errors", "sigmas", "speeds", "bank", "bank_sigma", "discharge"))
+            for key in ("errors", "sigmas", "speeds", "bank", "bank_sigma", "discharge", "unrest"))
         return Judged(errors, sigmas, speeds, bank, bank_sigma, [rest for one in parts for rest in one.at_rest],
-                      discharge, float(np.mean([one.lost for one in parts])))
+                      discharge, unrest, float(np.mean([one.lost for one in parts])))
 
     def cells(self, name: str) -> list[str]:
         along, size, mean = 1e3 * self.errors[:, 0], 1e3 * np.linalg.norm(self.errors, axis=1), 1e3 * self.speeds.mean()
@@ -162,8 +181,9 @@ class Judged:
         known = [rest for rest in self.at_rest if rest is not None]
         off, low, high = self.discharge.T
         inside = int(np.count_nonzero((low <= 1) & (high >= 1)))
-        return [name, number(100 * self.lost, 0), str(len(along)), number(mean, 0), f"{np.median(along):+.2f}",
-                number(float(np.median(np.abs(along))), 2), number(float(np.median(size)), 2),
+        return [name, number(100 * self.lost, 0), number(1e3 * float(np.mean(self.unrest)), 2), str(len(along)),
+                number(mean, 0), f"{np.median(along):+.2f}", number(float(np.median(np.abs(along))), 2),
+                number(float(np.median(size)), 2),
                 number(100 * float(np.median(size)) / mean, 2), number(1e3 * float(np.median(self.sigmas)), 2),
                 number(100 * float(np.mean(ratio < 2)), 1), number(float(np.median(ratio)) / _MEDIAN_OF_NORMAL, 2),
                 number(bank, 2), number(sigma, 2), f"{sum(known)} of {len(known)}",
@@ -180,7 +200,7 @@ def judged(river: River, name: str, method: str) -> Judged:
     errors, sigmas, speeds = (np.concatenate(one) for one in zip(*parts, strict=True))
     return Judged(errors, sigmas, speeds, np.array([one.median_m_s for one in still]),
                   np.array([one.sigma_m_s for one in still]), [one.at_rest for one in still],
-                  _discharge(river, _of_flight(found)), lost)
+                  _discharge(river, _of_flight(found)), np.array([unrest_m_s(river, placed)]), lost)
 
 
 def _method(name: str, water: PlaneMask) -> Method:
@@ -221,7 +241,8 @@ def _discharge(river: River, vectors: Vectors) -> FloatArray:
     section = section_of(river.flight.preset)
     truth, survey = section.discharge_m3_s(river.flight.field), section.surveyed(_SURVEYED)
     line = between(np.array(section.start_m), np.array(section.end_m), survey.chainage_m, survey.bed_m)
-    config = DischargeConfig(alpha_sigma=0.0, wse_sigma_m=0.0, depth_sigma_m=0.0)
+    config = DischargeConfig(alpha_sigma=0.0, wse_sigma_m=0.0, depth_sigma_m=0.0,
+                             search_m=_SEARCH_SHARE * section.length_m)
     try:
         found = measure(vectors, line, section.bed.wse_m, config)
     except InputError:
@@ -236,6 +257,16 @@ def names_of(scene: str) -> list[str]:
     return [_OURS, _FLAWLESS, _NONE, *(name for name in PRESETS if not name.endswith(others) and name not in mine)]
 
 
+def _row(rivers: Sequence[River], name: str, method: str, quick: bool) -> list[str]:
+    """quick: only the homographies are judged."""
+    if not quick:
+        return Judged.of_all([judged(river, name, method) for river in rivers]).cells(name)
+    placed = [placements(river, name) for river in rivers]
+    unrest = [unrest_m_s(river, frames) for river, (frames, _) in zip(rivers, placed, strict=True)]
+    lost = float(np.mean([share for _, share in placed]))
+    return [name, number(100 * lost, 0), number(1e3 * float(np.mean(unrest)), 2), *["-"] * (len(_HEAD) - 3)]
+
+
 def main() -> None:
     """Prints a table for each scene."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -245,11 +276,14 @@ def main() -> None:
     parser.add_argument("--width", type=int, default=1280)
     parser.add_argument("--method", choices=("particles", "lspiv"), default="particles")
     parser.add_argument("--only", nargs="+", help="who places the frames")
+    parser.add_argument("--quick", action="store_true", help="of the presets, judge the homographies alone")
     options = parser.parse_args()
     for scene in options.scenes:
         rivers = [River.of(scene, seed, options.width, options.cache) for seed in options.seeds]
-        rows = [Judged.of_all([judged(river, name, options.method) for river in rivers]).cells(name)
-                for name in names_of(scene) if options.only is None or name in options.only]
+        rows = []
+        for name in options.only or names_of(scene):
+            rows.append(_row(rivers, name, options.method, name in PRESETS and options.quick))
+            print(scene, *rows[-1], sep=" | ", file=sys.stderr, flush=True)
         print(Table(f"{scene}, {options.method}, {rivers[0].flight.size[0]}x{rivers[0].flight.size[1]}, "
                     f"{1e3 * rivers[0].flight.gsd_m:.1f} mm/px", _HEAD, rows).text(), flush=True)
         print(flush=True)
