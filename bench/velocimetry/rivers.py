@@ -38,6 +38,7 @@ from stab_ros.velocimetry.particles import Particles
 from stab_ros.velocimetry.placed_frame import PlacedFrame
 from stab_ros.velocimetry.plane_mask import PlaneMask
 from stab_ros.velocimetry.settings import VelocityConfig
+from stab_ros.velocimetry.shore import off_ground
 from stab_ros.velocimetry.vectors import Vectors
 from stab_ros.velocimetry.vectors_join import joined
 from stab_ros.velocimetry.zone import Zone
@@ -206,7 +207,8 @@ def judged(river: River, name: str, method: str) -> Judged:
 def _method(name: str, water: PlaneMask) -> Method:
     if name == "lspiv":
         return Lspiv(LspivConfig(), water=Zone(np.linalg.inv(water.mask_H_plane), water.mask).outlines())
-    return Particles(VelocityConfig(), water)
+    config = VelocityConfig()
+    return Particles(config, PlaneMask(off_ground(~water.mask, config.block_px), water.mask_H_plane))
 
 
 def _against_truth(river: River, vectors: Vectors, water: PlaneMask) -> tuple[FloatArray, FloatArray, FloatArray]:
