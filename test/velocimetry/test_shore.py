@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from stab_ros.core.types import BoolArray
 from stab_ros.velocimetry.shore import off_ground
 
 
-def _stream(width_px: int) -> np.ndarray:
+def _stream(width_px: int) -> BoolArray:
     ground = np.ones((100, 60), bool)
     ground[20 : 20 + width_px] = False
     return ground
