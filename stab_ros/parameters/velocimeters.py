@@ -35,6 +35,7 @@ from stab_ros.velocimetry.particles import Particles
 from stab_ros.velocimetry.pictures import Stream
 from stab_ros.velocimetry.pixel_plane import PixelPlane
 from stab_ros.velocimetry.plane_mask import PlaneMask
+from stab_ros.velocimetry.shore import off_ground
 from stab_ros.velocimetry.stiv import Stiv
 from stab_ros.velocimetry.vectors import Unit
 from stab_ros.velocimetry.velocimeter import MakeMethod, Velocimeter
@@ -115,12 +116,14 @@ def make_velocimeter(values: Mapping[str, Value], stream: Stream, ground: Static
     Args:
         values: parameters of velocimetry by name; the others keep their defaults.
         stream: what is known of its frames.
-        ground: static map of the first reference, whose ground is left out; None: nothing is.
+        ground: static map of the first reference, whose ground is left out, and for particles what windows of
+            features show with it; None: nothing is.
 
     Raises:
         InputError: a name is unknown, or a value or a region is wrong.
     """
-    make_method, area = _method_maker(values, stream.unit), read_area(values)
+    make_method, area, config = _method_maker(values, stream.unit), read_area(values), velocity_config(values)
+    block_px = config.block_px if config.method == "particles" else 1
 
     def allowed(size: tuple[int, int], first: bool) -> BoolArray | None:
         left_out = ground if first else None
@@ -129,7 +132,7 @@ def make_velocimeter(values: Mapping[str, Value], stream: Stream, ground: Static
         wanted = area.allowed(size)
         if left_out is not None:
             left_out.check_size(size)
-            wanted &= left_out.picture() < GROUND
+            wanted &= off_ground(left_out.picture() >= GROUND, block_px)
         return wanted
 
     return Velocimeter(stream, make_method, allowed)

@@ -27,12 +27,11 @@ def seeds(frame: PlacedFrame, water: PlaneMask | None, config: VelocityConfig) -
     strength: FloatArray = np.asarray(cv2.cornerMinEigenVal(frame.gray, _CORNER_PX))
     side = _candidate_side(frame.gray, config)
     corners, score = _best_of_cells(strength, _inner(frame.gray.shape, config), side)
-    least = max(config.min_quality * float(strength.max(initial=0)), _DARK)
-    corners, score = corners[score >= least], score[score >= least]
     places_m = places_of(frame, corners)
     shown = np.asarray(np.isfinite(places_m).all(axis=1))
     if water is not None:
         shown &= water.holds(places_m)
+    shown &= score >= max(config.min_quality * float(score[shown].max(initial=0)), _DARK)
     corners, score, places_m = corners[shown], score[shown], places_m[shown]
     if config.selection == "even":
         return np.asarray(corners[_evenly(frame, corners, score, places_m, side, config.features)])

@@ -38,7 +38,7 @@ class VelocityConfig(Checked):
         "even", "Which corners are followed: even (the best of each cell of a grid on the water) or strongest (those "
         "with the largest minimum eigenvalue)", choices=SELECTION)
     min_quality: float = setting(
-        0.01, "Minimum eigenvalue of a corner, as a share of the largest in the picture", 0.0, 1.0)
+        0.01, "Minimum eigenvalue of a corner, as a share of the largest where features may begin", 0.0, 1.0)
     ignore_edges: float = setting(
         0.1, "Share of width and height at each border of the image in which no feature is detected", 0.0, 0.45)
     block_px: int = setting(31, "Side of the window around a feature in pixels, odd", 7, 101)
