@@ -104,8 +104,9 @@ def write_water(path: Path, flight: Flight) -> None:
     towards = ahead_px / np.maximum(np.linalg.norm(ahead_px, axis=1, keepdims=True), 1e-12)
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write("x_px,y_px,vx_m_s,vy_m_s\n")
-        for place, velocity in zip(places_px, np.linalg.norm(flow, axis=1, keepdims=True) * towards, strict=True):
-            file.write(f"{place[0]:.0f},{place[1]:.0f},{round(velocity[0], 3) + 0.0:.3f},{round(velocity[1], 3) + 0.0:.3f}\n")
+        velocities = np.round(np.linalg.norm(flow, axis=1, keepdims=True) * towards, 3) + 0.0
+        for (x, y), (vx, vy) in zip(places_px, velocities, strict=True):
+            file.write(f"{x:.0f},{y:.0f},{vx:.3f},{vy:.3f}\n")
 
 
 def flow_at(flight: Flight, places_m: FloatArray) -> FloatArray:
