@@ -122,7 +122,7 @@ def test_arrows_are_as_blue_or_red_as_the_water_is_fast(tmp_path: Path, right: F
     grey = np.full((SIZE[1], SIZE[0], 3), 128, np.uint8)
     with BagWriter(bag) as writer:
         writer.add_topic(topic_of(STABILIZED, IMAGE))
-        writer.write(*Message(STABILIZED, 0, 0, image_cdr(grey, Header(0), "bgr8")))
+        writer.write(*Message(STABILIZED, 0, 0, image_cdr(grey, "bgr8", Header(0))))
     draw_flow(path, bag, right)
     image = cv2.imread(str(path))
     assert image is not None
