@@ -1,9 +1,10 @@
-"""Makes the sample flight beside it, bit for bit: sample.mcap and its truth, sample_truth.csv.
+"""Makes the sample flight beside it, bit for bit: sample.mcap and its truth, sample_truth.csv and sample_water.csv.
 
     .venv/bin/python bags/make_sample.py [FOLDER]
 
 A drone hovers in the wind over a river with an island: 72 frames of 960x540 at 24 fps, as JPEG the way cameras on small
-drones record, with the camera's calibration and the drone's GPS. The truth is the renderer's own homography.
+drones record, with the camera's calibration and the drone's GPS. The truth is the renderer's own homography, and the
+velocity with which it moves the ripples of the water.
 """
 
 from __future__ import annotations
@@ -18,15 +19,17 @@ import cv2
 import numpy as np
 from rosbags.typesys.stores import ros2_jazzy as ros
 
+from stab_ros.core.geometry import apply
 from stab_ros.io.bag import BagWriter, Message, topic_of
 from stab_ros.io.cdr import CAMERA_INFO, COMPRESSED_IMAGE, typestore
 from stab_ros.io.homographies import COLUMNS
-from stab_ros.synthetic.camera_path import Motion, Pose
+from stab_ros.synthetic.camera_path import Motion, Pose, inverse
 from stab_ros.synthetic.flight import Flight, Shot
 from stab_ros.synthetic.river import ControlPoint, Island, SceneSettings, Stream
+from stab_ros.synthetic.terrain import COARSE
 
 if TYPE_CHECKING:
-    from stab_ros.core.types import Image
+    from stab_ros.core.types import FloatArray, Image
 
 FRAMES = 72
 SEED = 7
@@ -36,6 +39,7 @@ IMAGE_TOPIC, CAMERA_TOPIC, GPS_TOPIC = "/camera/image_raw/compressed", "/camera/
 NAV_SAT_FIX, NAV_SAT_STATUS = "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/NavSatStatus"
 GPS_EVERY = 5  # frames
 HOME_DEG, HOME_ALTITUDE_M = (46.2270, 7.6080), 540.0
+WATER_STEP_PX = 12  # between the places of sample_water.csv
 METRES_PER_DEGREE = 111_320.0  # of latitude
 
 RIVER = SceneSettings(
@@ -51,13 +55,14 @@ RIVER = SceneSettings(
 
 
 def main() -> None:
-    """Makes both files in the folder that the command line names."""
-    parser = argparse.ArgumentParser(description="Makes sample.mcap and sample_truth.csv.")
+    """Makes the files in the folder that the command line names."""
+    parser = argparse.ArgumentParser(description="Makes sample.mcap, sample_truth.csv and sample_water.csv.")
     parser.add_argument("folder", nargs="?", type=Path, default=Path(__file__).parent)
     folder = parser.parse_args().folder
     flight = Flight(RIVER, frames=FRAMES, seed=SEED, color=True, start_ns=START_NS)
     write_bag(folder / "sample.mcap", flight)
     write_truth(folder / "sample_truth.csv", flight)
+    write_water(folder / "sample_water.csv", flight)
 
 
 def write_bag(path: Path, flight: Flight) -> None:
@@ -87,6 +92,32 @@ def write_truth(path: Path, flight: Flight) -> None:
         for index in range(len(flight)):
             elements = (repr(float(h)) for h in flight.ref_H_cur(index).ravel())
             file.write(",".join((str(index), str(flight.stamp_ns(index)), "TRACKED", *elements)) + "\n")
+
+
+def write_water(path: Path, flight: Flight) -> None:
+    """Velocities of the water, m/s, along x (right) and y (down) of the first frame; row by row, 0 on land."""
+    columns, rows = (np.arange(0, side + 1, WATER_STEP_PX) for side in flight.size)
+    places_px = np.array([(x, y) for y in rows for x in columns], np.float64)
+    places_m = apply(inverse(flight.image_H_plane(0)), places_px)
+    flow = flow_at(flight, places_m)
+    ahead_px = apply(flight.image_H_plane(0), places_m + 1e-3 * flow) - places_px
+    towards = ahead_px / np.maximum(np.linalg.norm(ahead_px, axis=1, keepdims=True), 1e-12)
+    with path.open("w", encoding="utf-8", newline="") as file:
+        file.write("x_px,y_px,vx_m_s,vy_m_s\n")
+        velocities = np.round(np.linalg.norm(flow, axis=1, keepdims=True) * towards, 3) + 0.0
+        for (x, y), (vx, vy) in zip(places_px, velocities, strict=True):
+            file.write(f"{x:.0f},{y:.0f},{vx:.3f},{vy:.3f}\n")
+
+
+def flow_at(flight: Flight, places_m: FloatArray) -> FloatArray:
+    """Velocity (n, 2) of the ripples at places (n, 2) on the ground, as the renderer has it; 0 outside."""
+    flow, extent = flight.ground.flow, flight.ground.extent
+    at = (places_m - (extent.x_m, extent.y_m)) / (COARSE * extent.texel_m)
+    column, row = np.clip(np.floor(at).astype(int), 0, np.array(flow.shape[1::-1]) - 2).T
+    right, down = np.clip(at - np.stack([column, row], axis=1), 0, 1).T[..., None]
+    upper = (1 - right) * flow[row, column] + right * flow[row, column + 1]
+    lower = (1 - right) * flow[row + 1, column] + right * flow[row + 1, column + 1]
+    return np.asarray((1 - down) * upper + down * lower)
 
 
 def header(stamp_ns: int, frame_id: str) -> ros.std_msgs__msg__Header:

@@ -17,12 +17,14 @@ from stab_ros.core.text import one_line
 from stab_ros.demo.replay import Replay, replay
 from stab_ros.demo.stages import stage
 from stab_ros.demo.verdict import DemoResult, Files, reach
+from stab_ros.demo.water import read_water
 from stab_ros.io.homographies import read_homographies
 from stab_ros.jobs.compiling import compile_all
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample.mcap"
-TRUTH = SAMPLE.with_name("sample_truth.csv")
-SCALE = {"gsd_m": 0.06}  # of the sample, m a pixel
+TRUTH, WATER = SAMPLE.with_name("sample_truth.csv"), SAMPLE.with_name("sample_water.csv")
+GSD_M, SIZE = 0.06, (960, 540)  # of the sample: m a pixel, width and height
+SCALE = {"gsd_m": GSD_M}
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
@@ -53,7 +55,7 @@ def run(folder: Path, rate: float) -> DemoResult:
     Raises:
         InputError: the sample is unreadable, or the rate cannot be played. WorkError: a node failed and left no bag.
     """
-    truth, files = read_homographies(TRUTH), Files(folder)
+    truth, water, files = read_homographies(TRUTH), read_water(WATER, GSD_M, SIZE), Files(folder)
     job = Replay(SAMPLE, len(truth), files.bag, files.log, rate, SCALE)
     folder.mkdir(parents=True, exist_ok=True)
     files.remove()
@@ -64,8 +66,9 @@ def run(folder: Path, rate: float) -> DemoResult:
         current.outcome, broken = _replay(job)
     if broken and not files.bag.exists():
         raise WorkError(broken)
-    with stage("judge", "the answers beside the truth and the command's; makes video and report") as current:
-        verdict = reach(SAMPLE, truth, files, SCALE, broken)
+    with stage("judge", "the answers beside the truth and the command's; makes video and report, and measures the "
+               "water") as current:
+        verdict = reach(SAMPLE, truth, water, files, SCALE, broken)
         current.outcome = f"{sum(not check.failure for check in verdict.checks)} of {len(verdict.checks)} promises hold"
     return verdict
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from stab_ros.demo.command import Apart
+from stab_ros.demo.flow import RUNS_M_S, Flow
 from stab_ros.demo.judgement import Judgement
 from stab_ros.demo.result import Answers, ReplayResult
 
@@ -17,6 +18,8 @@ from stab_ros.demo.result import Answers, ReplayResult
 # negligible in velocimetry. The error of a wrongly registered frame is much larger.
 _ERROR_95_PX, _ERROR_MAX_PX = 0.01, 0.05
 _SAME = 1e-9  # of homographies and of metrics: messages round them once more
+_STILL_M_S = 0.001  # of the bank
+_SPEED_SHARE = 0.03  # of the known median speed
 _RUNS = 5  # number of runs of frames that a sentence lists
 
 
@@ -53,6 +56,37 @@ def judging_check(judgement: Judgement, log: Path) -> Check:
         failure = (f"the measures of the live evaluator differ from those of `stab-ros evaluate` by {apart:g}; "
                    f"it may have missed pictures or the reference, {log / 'evaluator_node.txt'} says what it refused")
     return Check(f"live measures are those of `stab-ros evaluate`, to {_SAME:g}", f"{apart:g} apart", failure)
+
+
+def flow_checks(flow: Flow, page: Path) -> Iterator[Check]:
+    """The promises of velocimetry and discharge."""
+    yield _bank(flow, page)
+    yield _speed(flow, page)
+    yield _discharge(flow)
+
+
+def _bank(flow: Flow, page: Path) -> Check:
+    failure = (f"the bank should move by at most {_STILL_M_S:g} m/s, it moves by {flow.bank_m_s:.4f} m/s by "
+               f"{flow.bank.count} vectors: either the frames do not lie still, or there is no static map; "
+               f"see {page}")
+    return Check(f"the bank stands still, to {1000 * _STILL_M_S:g} mm/s", f"{1000 * flow.bank_m_s:.2f} mm/s",
+                 "" if flow.bank_m_s <= _STILL_M_S else failure)
+
+
+def _speed(flow: Flow, page: Path) -> Check:
+    speed, true = flow.medians_m_s
+    failure = (f"the median speed of the {flow.runs.sum()} vectors should be {true:.3f} m/s within "
+               f"{_SPEED_SHARE:.0%}, it is {speed:.3f} m/s; see where in {page}")
+    return Check(f"median speed is the water's to {_SPEED_SHARE:.0%}, where it runs at {RUNS_M_S:g} m/s",
+                 f"{speed / true - 1:+.1%}", "" if abs(speed / true - 1) <= _SPEED_SHARE else failure)
+
+
+def _discharge(flow: Flow) -> Check:
+    found, true_m3_s = flow.discharge, flow.true_m3_s
+    failure = (f"the discharge should have the true {true_m3_s:.2f} m3/s in its interval, which is "
+               f"{found.low_m3_s:.2f} to {found.high_m3_s:.2f} m3/s, {found.shares.measured:.0%} of it measured")
+    return Check("the 95 % interval of the discharge holds the truth", f"{found.q_m3_s / true_m3_s - 1:+.1%}",
+                 "" if found.low_m3_s <= true_m3_s <= found.high_m3_s else failure)
 
 
 def _answered(result: ReplayResult, log: Path) -> Check:

@@ -31,7 +31,9 @@ from stab_ros.io.topics import (
     METRICS_TOPIC,
     RAW_COMPRESSED_TOPIC,
     STABILIZED_TOPIC,
+    STATIC_MAP_TOPIC,
     TRACK_TOPIC,
+    TRACKER_NAME,
     topic_in,
 )
 from stab_ros.nodes.bag_player_node import PlayerSettings
@@ -39,6 +41,7 @@ from stab_ros.nodes.bag_player_node import PlayerSettings
 HOMOGRAPHY, TRACK, STABILIZED, METRICS, RAW, _CAMERA_INFO = (
     topic_in(DEFAULT_NAMESPACE, topic) for topic in (HOMOGRAPHY_TOPIC, TRACK_TOPIC, STABILIZED_TOPIC, METRICS_TOPIC,
                                                      RAW_COMPRESSED_TOPIC, CAMERA_INFO_TOPIC))
+_STATIC_MAP = topic_in(topic_in(DEFAULT_NAMESPACE, TRACKER_NAME), STATIC_MAP_TOPIC)
 RECORDER, TRACKER, EVALUATOR = "bag_recorder_node", "tracker_node", "evaluator_node"
 _PASSED_ON = (RAW, _CAMERA_INFO, "/gps/fix")
 _STEP_NS = 100_000_000
@@ -76,7 +79,7 @@ def replay(job: Replay) -> int:
         WorkError: a node failed, or the nodes hang.
     """
     _prepare(job.log)
-    topics = [HOMOGRAPHY, TRACK, STABILIZED, METRICS, *_PASSED_ON]
+    topics = [HOMOGRAPHY, TRACK, STABILIZED, METRICS, _STATIC_MAP, *_PASSED_ON]
     with ExitStack() as stack:
         recorder = stack.enter_context(
             started(RECORDER, job.log, {"output": str(job.output), "overwrite": True, "topics": topics}))

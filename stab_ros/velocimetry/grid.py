@@ -72,7 +72,7 @@ def on_grid(vectors: Vectors, side_m: float, least: int = 1) -> VelocityGrid:
         side_m, np.array([cells[group[0]] for group in groups], np.int64).reshape(-1, 2),
         np.array([one[0] for one in members]).reshape(-1, 2), np.array([len(group) for group in groups], np.int64),
         np.array([one[1] for one in members]).reshape(-1, 2),
-        np.array([one[2] for one in members]).reshape(-1, 2, columns))
+        np.array([one[2] for one in members]).reshape(len(groups), 2, columns))
 
 
 def _summary(vectors: Vectors) -> tuple[FloatArray, FloatArray, FloatArray]:

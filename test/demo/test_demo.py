@@ -14,13 +14,14 @@ import pytest
 from demo_process import processes_with, run, start, table, wait_for
 
 from stab_ros.core.types import LostReason, State, Track
-from stab_ros.demo.__main__ import SAMPLE, SCALE, TRUTH
+from stab_ros.demo.__main__ import GSD_M, SAMPLE, SCALE, TRUTH, WATER
 from stab_ros.demo.checks import checks, frames_text
 from stab_ros.demo.command import apart
 from stab_ros.demo.news import News
 from stab_ros.demo.replay import HOMOGRAPHY, METRICS, RAW, STABILIZED, TRACK
 from stab_ros.demo.result import compare, read_answers
 from stab_ros.demo.verdict import Files, reach
+from stab_ros.demo.water import read_water
 from stab_ros.io.bag import BagWriter, Message, open_bag
 from stab_ros.io.cdr import Header, read_stamp
 from stab_ros.io.homographies import read_homographies
@@ -30,7 +31,7 @@ from stab_ros.io.track_message import track_cdr
 SIZE = 960, 540
 STAMPS_NS = [row.stamp_ns for row in read_homographies(TRUTH)]
 MADE = ("stabilized.mcap", "H.csv", "H_command.csv", "before_after.mp4", "before_after.png", "errors.txt",
-        "report/index.html")
+        "velocities.png", "velocities.html", "V.csv", "section.csv", "report/index.html")
 Demo = tuple[Path, str]
 Alter = Callable[[Message], Message | None]
 
@@ -61,10 +62,11 @@ def test_demo_says_what_it_does_what_holds_and_what_to_open_first(demo: Demo) ->
     stages = [re.split(r"\s+", line)[0] + (" ..." if line.endswith(" ...") else "") for line in lines[:6]]
     assert stages == ["compile ...", "compile", "replay ...", "replay", "judge ...", "judge"]
     assert all(re.search(r"  \d+\.\d s$", line) for line in lines[1:6:2])
-    assert sum(line.startswith("yes  ") for line in lines) == 7
+    assert sum(line.startswith("yes  ") for line in lines) == 10
     assert not any(line.startswith("NO ") for line in lines)
-    assert lines[-2].startswith(f"open first: {folder / 'report' / 'index.html'}")
-    assert lines[-1].split()[0] == str(folder / "before_after.mp4")
+    assert lines[-3].startswith(f"open first: {folder / 'report' / 'index.html'}")
+    assert lines[-2].split()[0] == str(folder / "before_after.mp4")
+    assert lines[-1].split()[0] == str(folder / "velocities.png")
 
 
 def altered(demo: Demo, folder: Path, alter: Alter) -> Files:
@@ -161,7 +163,7 @@ def test_frames_that_were_answered_in_a_silence_are_named_as_the_cause(demo: Dem
 @pytest.mark.thorough
 def test_missing_measures_are_named_and_the_results_are_there(demo: Demo, tmp_path: Path) -> None:
     files = altered(demo, tmp_path / "altered", without(METRICS, 3, 70))
-    verdict = reach(SAMPLE, read_homographies(TRUTH), files, SCALE, "the tracker ended")
+    verdict = reach(SAMPLE, read_homographies(TRUTH), read_water(WATER, GSD_M, SIZE), files, SCALE, "the tracker ended")
     files.bag.unlink()
     assert verdict.failures[0] == "the tracker ended"
     assert verdict.failures[1].startswith("frames 3 and 70 got no measures from the live evaluator")
@@ -173,9 +175,9 @@ def test_missing_measures_are_named_and_the_results_are_there(demo: Demo, tmp_pa
 
 def test_without_any_picture_the_rest_is_told(demo: Demo, tmp_path: Path) -> None:
     files = altered(demo, tmp_path / "altered", lambda message: None if message.topic in (STABILIZED, RAW) else message)
-    verdict = reach(SAMPLE, read_homographies(TRUTH), files, SCALE, "")
-    assert [failure.split(":")[0] for failure in verdict.failures[:2]] == [str(files.bag)] * 2
-    assert "frames 0 and 24 to 71 came out without a picture" in verdict.failures[2]
+    verdict = reach(SAMPLE, read_homographies(TRUTH), read_water(WATER, GSD_M, SIZE), files, SCALE, "")
+    assert [failure.split(":")[0] for failure in verdict.failures[:3]] == [str(files.bag)] * 3
+    assert "frames 0 and 24 to 71 came out without a picture" in verdict.failures[3]
     assert "72 of 72 frames answered" in verdict.text()
     assert len(table(files.folder)) == 72
 

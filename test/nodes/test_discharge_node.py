@@ -145,7 +145,7 @@ def test_settings_can_be_changed_and_the_section_cannot(graph: Graph, tmp_path: 
     ({}, "section_file: is not given"),
     ({"section_file": "nowhere.csv"}, "nowhere.csv"),
 ])
-def test_bad_parameters_end_the_node(graph: Graph, parameters: dict[str, object], text: str) -> None:
+def test_bad_parameters_end_the_node(graph: Graph, parameters: dict[str, Any], text: str) -> None:
     node = graph.start("discharge_node", "/cam", **parameters)
     assert node.wait() == 2
     assert text in node.log

@@ -189,7 +189,7 @@ def test_unknown_preset_is_refused_with_the_names() -> None:
 @pytest.mark.thorough
 def test_sample_is_made_again_bit_for_bit(tmp_path: Path) -> None:
     subprocess.run([sys.executable, str(BAGS / "make_sample.py"), str(tmp_path)], check=True, timeout=300)
-    for name in ("sample.mcap", "sample_truth.csv"):
+    for name in ("sample.mcap", "sample_truth.csv", "sample_water.csv"):
         assert (tmp_path / name).read_bytes() == (BAGS / name).read_bytes(), name
 
 

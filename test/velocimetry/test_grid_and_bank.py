@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -56,6 +58,14 @@ def test_cells_hold_median_count_and_both_kinds_of_error() -> None:
 
 def test_no_vectors_make_an_empty_grid() -> None:
     assert len(on_grid(drawn(0, np.random.default_rng(9)), 1.0).cell) == 0
+
+
+def test_vectors_that_share_no_error_have_a_grid() -> None:
+    vectors = drawn(50, np.random.default_rng(10))
+    grid = on_grid(replace(vectors, shared=np.zeros((50, 2, 0))), 1.0)
+    assert grid.count.sum() == 50
+    assert not grid.shared_sigma_m_s.any()
+    assert len(on_grid(replace(vectors, shared=np.zeros((50, 2, 0)))[:0], 1.0).cell) == 0
 
 
 def test_masks_hold_what_lies_inside() -> None:
