@@ -16,6 +16,7 @@ from stab_ros.core.kernels import Compilation, compile_kernels
 from stab_ros.core.text import one_line
 from stab_ros.jobs.progress_bar import make_bar
 
+_ENGINES = ("stab_ros.parameters.engines", "stab_ros.parameters.velocimeters")  # they import what has kernels
 _REMEDY = "let a user who may write there run `stab-ros warm-up`, or name a folder in NUMBA_CACHE_DIR"
 
 
@@ -68,7 +69,8 @@ def _interrupts_noted() -> Iterator[list[int]]:
 
 def compile_all() -> Compilation:
     """Compiles the kernels of all engines, for `warm-up` and before several processes start that need them."""
-    import_module("stab_ros.parameters.engines")  # imports every module that has kernels
+    for engines in _ENGINES:
+        import_module(engines)
     return compile_shown()
 
 
