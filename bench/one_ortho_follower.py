@@ -42,6 +42,11 @@ def main(with_images: bool, k1: float) -> None:
     rclpy.try_shutdown()
 
 
+def camera_without_lens() -> CameraInfo:
+    """As the camera of the bench is calibrated, but for its lens."""
+    return _camera(0.0)
+
+
 def _camera(k1: float) -> CameraInfo:
     width, height = HD
     return CameraInfo(width=width, height=height, distortion_model="plumb_bob", d=[k1, 0.0, 0.0, 0.0, 0.0],
