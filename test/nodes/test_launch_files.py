@@ -50,7 +50,7 @@ def test_tracker_and_georeferencing_are_launched_on_one_camera(graph: Graph, tmp
                       "    height_m: 25.0\n    queue_depth: 0\n    wait_for_subscribers: 1\n")
     tracker = tmp_path / "tracker.yaml"
     tracker.write_text("/**/tracker_node:\n  ros__parameters:\n    queue_depth: 0\n    start_s: 0.0\n"
-                       "    exclude: '[[[0, 0], [40, 0], [40, 20], [0, 20]]]'\n")
+                       "    wait_for_subscribers: 1\n    exclude: '[[[0, 0], [40, 0], [40, 20], [0, 20]]]'\n")
     heard = graph.listen(DiagnosticArray, "/drone/georeference_node/status")
     infos = graph.listen(CameraInfo, "/drone/ortho_info")
     for node in started(ROOT / "launch" / "georeference.launch.py", namespace="/drone", config=str(config),
