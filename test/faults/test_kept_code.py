@@ -103,7 +103,9 @@ def warmed_up(package: Path, **environment: str) -> subprocess.CompletedProcess[
 def test_code_that_was_kept_is_found_where_it_cannot_be_written(tmp_path: Path) -> None:
     package = tmp_path / "package"
     shutil.copytree(ROOT / "stab_ros", package / "stab_ros", ignore=shutil.ignore_patterns("__pycache__"))
-    assert ", of which 0 were compiled" not in warmed_up(package).stdout
+    first = warmed_up(package).stdout
+    assert ", of which 0 were compiled" not in first
+    total = first.partition(" kernels")[0]
     with read_only(package):
         done = warmed_up(package, **NOWHERE)
         assert ", of which 0 were compiled" in done.stdout
@@ -112,7 +114,7 @@ def test_code_that_was_kept_is_found_where_it_cannot_be_written(tmp_path: Path) 
     home = {"HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path / "cache")}
     other = {**home, "NUMBA_CPU_NAME": "generic"}  # an image that was built elsewhere
     with read_only(package):
-        for compiled in (len(KERNELS), 0):  # into the user's own folder, once
+        for compiled in (total, 0):  # into the user's own folder, once
             done = warmed_up(package, **other)
             assert f", of which {compiled} were compiled" in done.stdout
             assert not done.stderr
