@@ -27,7 +27,6 @@ MISLEADING = {  # seed and number of frames
     400096: 60,  # a cut within the start: hardly any feature is seen both before and after, but for water
     410052: 60,  # dirt on the lens, and the camera sways by a pixel within the start
     410066: 60,  # text in the picture, and a cut within the start: what is seen before and after is the text
-    410169: 60,  # one bank in a corner; features of the water far from it agree by chance
     420029: 60,  # a damaged picture within the start, after which the water was found again, and the ground was not
     420008: 60,  # snow and low contrast: no features keep together, but for water in the first frames
     430007: 60,  # a codec scatters the features of the banks, those of the water keep together
