@@ -117,7 +117,7 @@ class PlacingNode(StabNode):
     @property
     def takes_camera_info(self) -> bool:
         """Whether images wait for the calibration."""
-        return self.settings.use_camera_info and not self.values["camera_file"] and not self._stabilized
+        return self.settings.use_camera_info and not self.values.get("camera_file") and not self._stabilized
 
     @property
     def takes_motion(self) -> bool:

@@ -79,3 +79,12 @@ def test_what_it_waits_for_is_said(graph: Graph) -> None:
     graph.until(lambda: any("subscribers of velocity" in one.status[0].message for one in reports), "what it waits for")
     assert values_of(reports[-1])["unit"] == "px/s"
     assert node.stop() == 0
+
+
+def test_in_metres_it_takes_the_calibration_of_the_camera(graph: Graph) -> None:
+    """As shipped settings have it, with a scale and no file of a camera."""
+    reports: list[Any] = graph.listen(DiagnosticArray, "/diagnostics")
+    node = graph.start("velocimetry_node", "/cam", gsd_m=0.02)
+    graph.until(lambda: any("camera_info" in one.status[0].message for one in reports), "what it waits for")
+    assert values_of(reports[-1])["unit"] == "m/s"
+    assert node.stop() == 0
