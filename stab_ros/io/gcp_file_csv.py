@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import csv
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.text import one_line
 from stab_ros.io.gcp_file_table import FORM, MOST_POINTS, GcpTable, meaning
+from stab_ros.io.typed_table import COMMA_ADVICE, Row, cells_of, finite_at, number_in, separator_of
 
 _KLT_IV_COLUMNS = ("east", "north", "up", "px", "py")
 _BARE = ("px", "py", "east", "north", "up")
-_Row: TypeAlias = tuple[int, list[str]]  # number of the line, and its cells
 
 
 def of_csv(path: Path, text: str) -> GcpTable:
@@ -36,8 +33,8 @@ def of_csv(path: Path, text: str) -> GcpTable:
         raise InputError(f"{path}: is empty, it must be a table of control points, {FORM}")
     if len(lines) > MOST_POINTS:
         raise InputError(f"{path}: holds more than {MOST_POINTS} points, there must not be so many")
-    separator = _separator(lines[0][1])
-    rows = [(n, _cells(path, n, line, separator)) for n, line in lines]
+    separator = separator_of(lines[0][1])
+    rows = [(n, cells_of(path, n, line, separator, FORM)) for n, line in lines]
     if any(row[0].lower() == "frame" for _, row in rows[:3]):
         return _of_frames(path, rows)
     columns, rows = _columns(path, rows, separator)
@@ -45,19 +42,7 @@ def of_csv(path: Path, text: str) -> GcpTable:
     return _of_klt_iv(table) if columns == _KLT_IV_COLUMNS and "px]" in lines[0][1] else table
 
 
-def _cells(path: Path, number: int, line: str, separator: str) -> list[str]:
-    try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [""])]
-    except csv.Error as error:
-        raise InputError(f"{path}: line {number} is no row of a table ({error}), it must be {FORM}") from error
-
-
-def _separator(line: str) -> str:
-    """The first of tab, semicolon and comma that the line has."""
-    return next((mark for mark in "\t;" if mark in line), ",")
-
-
-def _of_frames(path: Path, rows: list[_Row]) -> GcpTable:
+def _of_frames(path: Path, rows: list[Row]) -> GcpTable:
     """A table of KLT-IV with points of many frames, of which the first is taken."""
     starts = [i for i, (_, row) in enumerate(rows) if row[0].lower() == "frame"]
     end = starts[1] if len(starts) > 1 else len(rows)
@@ -72,10 +57,10 @@ def _of_klt_iv(table: GcpTable) -> GcpTable:
     return replace(table, image_px=table.image_px - 1, remarks=(*table.remarks, remark))
 
 
-def _columns(path: Path, rows: list[_Row], separator: str) -> tuple[tuple[str, ...], list[_Row]]:
+def _columns(path: Path, rows: list[Row], separator: str) -> tuple[tuple[str, ...], list[Row]]:
     """What each column holds, and the rows below the header."""
     first = rows[0][1]
-    if sum(_number(cell, separator) is not None for cell in first) >= len(_BARE) - 1:
+    if sum(number_in(cell, separator) is not None for cell in first) >= len(_BARE) - 1:
         if len(first) not in (5, 6):
             raise InputError(f"{path}: {len(first)} columns without a header, the first line must be {FORM}"
                              f"{_comma_advice(first, separator)}")
@@ -94,7 +79,7 @@ def _columns(path: Path, rows: list[_Row], separator: str) -> tuple[tuple[str, .
     return columns, rows[1:]
 
 
-def _table(path: Path, columns: Sequence[str], rows: list[_Row], separator: str) -> GcpTable:
+def _table(path: Path, columns: Sequence[str], rows: list[Row], separator: str) -> GcpTable:
     at = {what: i for i, what in enumerate(columns) if what}
     geographic = "lat" in at and "lon" in at and "east" not in at
     wanted = ["px", "py", *(("lon", "lat") if geographic else ("east", "north")), *(["up"] if "up" in at else [])]
@@ -114,22 +99,9 @@ def _cell(path: Path, line: int, row: list[str], at: int, separator: str, column
     if len(row) > columns:
         raise InputError(f"{path}: line {line} has {len(row)} cells for {columns} columns"
                          f"{_comma_advice(row, separator)}")
-    value = _number(row[at], separator) if at < len(row) else None
-    if value is None or not math.isfinite(value):
-        cell = one_line(row[at])[:40] if at < len(row) else ""
-        raise InputError(f"{path}: line {line}: {cell!r} is no number, it must be a row {FORM}")
-    return value
+    return finite_at(path, line, row, at, separator, FORM)
 
 
 def _comma_advice(row: list[str], separator: str) -> str:
     decimal = separator == "," and len(row) >= 9
-    return "; with decimal commas the columns must be separated by semicolons" if decimal else ""
-
-
-def _number(cell: str, separator: str) -> float | None:
-    """A number; with a decimal comma where commas separate no columns."""
-    text = cell.replace(",", ".") if separator != "," and cell.count(",") == 1 and "." not in cell else cell
-    try:
-        return float(text) if len(text) < 40 and "_" not in text else None
-    except ValueError:
-        return None
+    return COMMA_ADVICE if decimal else ""

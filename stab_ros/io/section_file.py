@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +13,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.text import one_line
 from stab_ros.core.types import FloatArray
 from stab_ros.io.text_file import read_text
+from stab_ros.io.typed_table import COMMA_ADVICE, Row, cells_of, finite_at, number_in, separator_of
 
 Heights: TypeAlias = Literal["elevation", "depth", "unknown"]
 FORM = "X,Y,Z or X,Y,depth or chainage,Z or chainage,depth, in metres or with (ft)"
@@ -35,7 +34,6 @@ _HEIGHTS: tuple[Heights, ...] = ("elevation", "depth", "unknown")
 _UNIT = re.compile(r"(.*?)[ _]*(?:[\[(] ?(.*?) ?[\])]|(?<=[ _])(m|ft|feet|foot|metres|meters|cm|mm))?", re.DOTALL)
 _IN_METRES = {"": 1.0, "m": 1.0, "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0, "cm": 0.01, "mm": 0.001,
               "ft": FOOT_M, "feet": FOOT_M, "foot": FOOT_M, "ftus": 1200 / 3937, "us survey feet": 1200 / 3937}
-_Row: TypeAlias = tuple[int, list[str]]  # number of the line, and its cells
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,23 +82,16 @@ def read_section(path: Path) -> SectionTable:
         raise InputError(f"{path}: is empty, it must be {what}")
     if len(lines) > MOST_POINTS:
         raise InputError(f"{path}: holds more than {MOST_POINTS} points, a cross-section must not have so many")
-    separator = next((mark for mark in "\t;" if mark in lines[0][1]), ",")
-    rows = [(n, _cells(path, n, line, separator)) for n, line in lines]
+    separator = separator_of(lines[0][1])
+    rows = [(n, cells_of(path, n, line, separator, FORM)) for n, line in lines]
     columns, rows = _columns(path, rows, separator)
     return _table(path, columns, rows, separator)
 
 
-def _cells(path: Path, number: int, line: str, separator: str) -> list[str]:
-    try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [""])]
-    except csv.Error as error:
-        raise InputError(f"{path}: line {number} is no row of a table ({error}), it must be {FORM}") from error
-
-
-def _columns(path: Path, rows: list[_Row], separator: str) -> tuple[list[_Column], list[_Row]]:
+def _columns(path: Path, rows: list[Row], separator: str) -> tuple[list[_Column], list[Row]]:
     """What each column holds, and the rows below the header."""
     first = rows[0][1]
-    if all(_number(cell, separator) is not None for cell in first):
+    if all(number_in(cell, separator) is not None for cell in first):
         names = {2: ("chainage", "unknown"), 3: ("east", "north", "unknown")}.get(len(first))
         if names is None:
             raise InputError(f"{path}: {len(first)} columns without a header, the first line must be {FORM}")
@@ -131,7 +122,7 @@ def _column(path: Path, header: str) -> _Column:
     return _Column(meaning, metres or 1.0, header)
 
 
-def _table(path: Path, columns: list[_Column], rows: list[_Row], separator: str) -> SectionTable:
+def _table(path: Path, columns: list[_Column], rows: list[Row], separator: str) -> SectionTable:
     at = {column.meaning: i for i, column in enumerate(columns) if column.meaning}
     places = ["east", "north"] if {"east", "north"} <= set(at) else ["chainage"]
     heights = next(kind for kind in _HEIGHTS if kind in at)
@@ -153,19 +144,6 @@ def _remarks(path: Path, columns: list[_Column]) -> tuple[str, ...]:
 
 def _cell(path: Path, line: int, row: list[str], at: int, separator: str, columns: int) -> float:
     if len(row) > columns and any(row[columns:]):
-        advice = "; with decimal commas the columns must be separated by semicolons" if separator == "," else ""
+        advice = COMMA_ADVICE if separator == "," else ""
         raise InputError(f"{path}: line {line} has {len(row)} cells for {columns} columns{advice}")
-    value = _number(row[at], separator) if at < len(row) else None
-    if value is None or not math.isfinite(value):
-        cell = one_line(row[at])[:40] if at < len(row) else ""
-        raise InputError(f"{path}: line {line}: {cell!r} is no number, it must be a row {FORM}")
-    return value
-
-
-def _number(cell: str, separator: str) -> float | None:
-    """A number; with a decimal comma where commas separate no columns."""
-    text = cell.replace(",", ".") if separator != "," and cell.count(",") == 1 and "." not in cell else cell
-    try:
-        return float(text) if len(text) < 40 and "_" not in text else None
-    except ValueError:
-        return None
+    return finite_at(path, line, row, at, separator, FORM)
