@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -22,10 +23,11 @@ from stab_ros.imaging.warp import INTERPOLATION
 from stab_ros.metrics.window_spectra import gaussian_peak
 from stab_ros.velocimetry.correlation_ensemble import BLOCKS, Ensemble, searched
 from stab_ros.velocimetry.correlation_scatter import moderated, scatter_px2, sharpness_px2, variance_factor
+from stab_ros.velocimetry.intervals import IntervalFrames, IntervalMethod
 from stab_ros.velocimetry.lspiv_field import filled, widened, window_mean
 from stab_ros.velocimetry.lspiv_plane import Plane, PlanePictures, in_polygons
 from stab_ros.velocimetry.placed_frame import PlacedFrame
-from stab_ros.velocimetry.shared_errors import ErrorModel, Measured, PlaneErrors
+from stab_ros.velocimetry.shared_errors import ErrorModel, Measured
 from stab_ros.velocimetry.vectors import Unit, Vectors
 from stab_ros.velocimetry.vectors_join import joined
 
@@ -73,7 +75,7 @@ class LspivConfig(Checked):
             raise ConfigError(f"windows_per_side: {self.windows_per_side} must be 1, 2 or 4")
 
 
-class Lspiv:
+class Lspiv(IntervalMethod["_Pictures"]):
     """Measures the velocities of a grid of windows, anew for each interval; a `Method`."""
 
     def __init__(self, config: LspivConfig, unit: Unit = "m", water: Sequence[FloatArray] = ()) -> None:
@@ -84,47 +86,33 @@ class Lspiv:
             unit: of the plane.
             water: polygons (n, 2) on the plane, in which the middles of the windows lie; none: everywhere.
         """
+        super().__init__(config.interval_s)
         self._config, self._unit, self._water = config, unit, tuple(water)
-        self._interval: _Interval | None = None
-        self._epoch = 0
         self._next_id = 0
 
-    def add(self, frame: PlacedFrame) -> Vectors | None:
-        """Takes the next frame; see `Method`.
+    def begun(self, frame: PlacedFrame) -> _Pictures:
+        """See `IntervalMethod`.
 
         Raises:
-            InputError: the first frame of an epoch shows nothing of the plane.
+            InputError: the frame shows nothing of the plane.
         """
-        ended = None
-        if self._interval is not None and frame.epoch != self._epoch:
-            ended, self._interval = self.finish(), None
-        if self._interval is None:
-            self._interval, self._epoch = _Interval(self._windows(frame)), frame.epoch
-        self._interval.add(frame)
-        if self._interval.duration_s < self._config.interval_s * (1 - 1e-6):
-            return ended
-        vectors = self._vectors()
-        self._interval = _Interval(self._interval.windows)
-        self._interval.add(frame)
-        return vectors
+        return _Pictures(self._windows(frame))
 
-    def finish(self) -> Vectors | None:
-        """See `Method`; half an interval suffices."""
-        if self._interval is None or self._interval.duration_s < self._config.interval_s / 2:
+    def again(self, interval: _Pictures) -> _Pictures:
+        """See `IntervalMethod`."""
+        return _Pictures(interval.windows)
+
+    def measured(self, interval: _Pictures) -> Vectors | None:
+        """See `IntervalMethod`."""
+        if len(interval.pictures) < 3:
             return None
-        vectors, self._interval = self._vectors(), None
-        return vectors
+        first_id, self._next_id = self._next_id, self._next_id + len(interval.windows.centres_px)
+        return interval.measured(self._config, self._unit, first_id)
 
     def _windows(self, frame: PlacedFrame) -> _Windows:
         reach_px = _REACH * self._config.window_px + self._config.window_px / 2
         plane = Plane.seen_by(frame, self._unit, self._config.resolution_m, self._water, reach_px)
         return _Windows(self._config, plane, self._water)
-
-    def _vectors(self) -> Vectors | None:
-        if self._interval is None or len(self._interval.pictures) < 3:
-            return None
-        first_id, self._next_id = self._next_id, self._next_id + len(self._interval.windows.centres_px)
-        return self._interval.measured(self._config, self._unit, first_id)
 
 
 class _Windows:
@@ -153,38 +141,23 @@ class _Windows:
         return np.moveaxis(views, (4, 5), (2, 3)).reshape(-1, BLOCKS**2, 3, 3)
 
 
-class _Interval:
+class _Pictures(IntervalFrames):
     """The pictures of an interval, and the velocities measured in them."""
 
     def __init__(self, windows: _Windows) -> None:
+        super().__init__(_MOST_FRAMES)
         self.windows = windows
         self.pictures: list[Gray] = []
-        self.stamps_ns: list[int] = []
         self.seen: list[BoolArray] = []
-        self.errors: list[PlaneErrors] = []
-        self._stride, self._count = 1, 0
 
-    @property
-    def duration_s(self) -> float:
-        """From the first to the last frame."""
-        return (self._last_ns - self.stamps_ns[0]) * 1e-9 if self.stamps_ns else 0.0
-
-    def add(self, frame: PlacedFrame) -> None:
-        self._last_ns = frame.stamp_ns
-        if self._count % self._stride == 0:
-            self._keep(frame)
-        self._count += 1
-        if len(self.pictures) > _MOST_FRAMES:
-            for kept in (self.pictures, self.stamps_ns, self.seen, self.errors):
-                del kept[1::2]
-            self._stride *= 2
-
-    def _keep(self, frame: PlacedFrame) -> None:
+    def keep(self, frame: PlacedFrame) -> None:
         windows = self.windows
         self.pictures.append(windows.pictures.make(frame))
-        self.stamps_ns.append(frame.stamp_ns)
         self.seen.append(windows.pictures.shows(frame, windows.centres_px, _REACH * windows.side_px))
         self.errors.append(windows.errors.of(frame))
+
+    def lists(self) -> tuple[list[Any], ...]:
+        return self.pictures, self.seen
 
     def measured(self, config: LspivConfig, unit: Unit, first_id: int) -> Vectors | None:
         """The vectors of all windows that are seen in each frame and have a clear peak; None: there are none."""

@@ -9,15 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from stab_ros.core.settings import Checked, setting
 from stab_ros.core.types import BoolArray, FloatArray
 from stab_ros.georeferencing.horizon import gsd_m, sampled_pixels, shown_well
+from stab_ros.velocimetry.intervals import IntervalFrames, IntervalMethod
 from stab_ros.velocimetry.lspiv_plane import camera_of
 from stab_ros.velocimetry.placed_frame import PlacedFrame
-from stab_ros.velocimetry.shared_errors import ErrorModel, Measured, PlaneErrors
+from stab_ros.velocimetry.shared_errors import ErrorModel, Measured
 from stab_ros.velocimetry.stiv_line import Line, longest_run
 from stab_ros.velocimetry.stiv_slope import Slope, cleaned, slope_of
 from stab_ros.velocimetry.vectors import Unit, Vectors
@@ -47,7 +49,7 @@ class StivConfig(Checked):
     stamp_sigma_s: float = setting(0.0, "Standard deviation of a stamp in seconds", 0.0, 1.0)
 
 
-class Stiv:
+class Stiv(IntervalMethod["_SpaceTimeImages"]):
     """Measures one vector for each line and interval; a `Method`.
 
     `Vectors.track_id` is the number of the interval times the number of lines, plus that of the line.
@@ -62,88 +64,56 @@ class Stiv:
                 velocities are negative along the line, and the vector is right all the same.
             unit: of the plane.
         """
+        super().__init__(config.interval_s)
         self._config, self._ends, self._unit = config, tuple(np.asarray(line, float) for line in lines), unit
-        self._lines: tuple[Line, ...] = ()
-        self._interval: _Interval | None = None
-        self._epoch = self._intervals = 0
+        self._intervals = 0
 
-    def add(self, frame: PlacedFrame) -> Vectors | None:
-        """Takes the next frame; see `Method`.
+    def begun(self, frame: PlacedFrame) -> _SpaceTimeImages:
+        """See `IntervalMethod`.
 
         Raises:
             InputError: a line is too short or too long for the resolution.
         """
-        ended = None
-        if self._interval is not None and frame.epoch != self._epoch:
-            ended, self._interval = self.finish(), None
-        if self._interval is None:
-            self._lines, self._epoch = self._sampled(frame), frame.epoch
-            self._interval = _Interval(self._lines)
-        self._interval.add(frame)
-        if self._interval.duration_s < self._config.interval_s * (1 - 1e-6):
-            return ended
-        vectors, self._interval = self._vectors(self._interval), _Interval(self._lines)
-        self._interval.add(frame)
-        return vectors
-
-    def finish(self) -> Vectors | None:
-        """See `Method`; half an interval suffices."""
-        if self._interval is None or self._interval.duration_s < self._config.interval_s / 2:
-            return None
-        vectors, self._interval = self._vectors(self._interval), None
-        return vectors
-
-    def _sampled(self, frame: PlacedFrame) -> tuple[Line, ...]:
         step = self._config.resolution_m or _median_gsd(frame, self._unit)
-        return tuple(Line.between(ends, step, self._config.rows) for ends in self._ends)
+        return _SpaceTimeImages([Line.between(ends, step, self._config.rows) for ends in self._ends])
 
-    def _vectors(self, interval: _Interval) -> Vectors | None:
+    def again(self, interval: _SpaceTimeImages) -> _SpaceTimeImages:
+        """See `IntervalMethod`."""
+        return _SpaceTimeImages(interval.lines)
+
+    def measured(self, interval: _SpaceTimeImages) -> Vectors | None:
+        """See `IntervalMethod`."""
         if len(interval.stamps_ns) < _LEAST_FRAMES:
             return None
-        first_id = self._intervals * len(self._lines)
+        first_id = self._intervals * len(interval.lines)
         self._intervals += 1
         return interval.measured(self._config, self._unit, first_id)
 
 
-class _Interval:
+class _SpaceTimeImages(IntervalFrames):
     """The space-time images of an interval."""
 
     def __init__(self, lines: Sequence[Line]) -> None:
-        self._lines = lines
+        super().__init__(_MOST_FRAMES)
+        self.lines = lines
         ends = [line.place(at) for line in lines for at in (0, line.count - 1)]
         self._model = ErrorModel(np.array(ends).reshape(-1, 2)) if lines else None
-        self.stamps_ns: list[int] = []
         self._rows: list[list[FloatArray]] = []
         self._shown: list[list[BoolArray]] = []
-        self._errors: list[PlaneErrors] = []
-        self._stride, self._count, self._last_ns = 1, 0, 0
 
-    @property
-    def duration_s(self) -> float:
-        """From the first to the last frame."""
-        return (self._last_ns - self.stamps_ns[0]) * 1e-9 if self.stamps_ns else 0.0
-
-    def add(self, frame: PlacedFrame) -> None:
-        self._last_ns = frame.stamp_ns
-        if self._count % self._stride == 0:
-            self._keep(frame)
-        self._count += 1
-        if len(self.stamps_ns) > _MOST_FRAMES:
-            for kept in (self.stamps_ns, self._rows, self._shown, self._errors):
-                del kept[1::2]
-            self._stride *= 2
-
-    def _keep(self, frame: PlacedFrame) -> None:
-        seen = [line.seen_by(frame) for line in self._lines]
-        self.stamps_ns.append(frame.stamp_ns)
+    def keep(self, frame: PlacedFrame) -> None:
+        seen = [line.seen_by(frame) for line in self.lines]
         self._rows.append([values for values, _ in seen])
         self._shown.append([shown for _, shown in seen])
         if self._model is not None:
-            self._errors.append(self._model.of(frame))
+            self.errors.append(self._model.of(frame))
+
+    def lists(self) -> tuple[list[Any], ...]:
+        return self._rows, self._shown
 
     def measured(self, config: StivConfig, unit: Unit, first_id: int) -> Vectors | None:
         """One vector for each line that has a clear slope; None: none has."""
-        found = [vector for i, line in enumerate(self._lines)
+        found = [vector for i, line in enumerate(self.lines)
                  if (vector := self._vector(i, line, config, unit, first_id)) is not None]
         return joined(found) if found else None
 
@@ -172,11 +142,11 @@ class _Interval:
         dt_s = time_s[slope.pairs[:, 1]] - time_s[slope.pairs[:, 0]]
         half = velocity * float(slope.weights @ dt_s) / 2
         measured = Measured(slope.pairs, slope.weights, dt_s, (middle - half)[None], (middle + half)[None])
-        shared = along @ self._model.columns(self._errors, measured, velocity[None], config.clock_sigma,
+        shared = along @ self._model.columns(self.errors, measured, velocity[None], config.clock_sigma,
                                              config.stamp_sigma_s)
         way = velocity * self.duration_s / 2
         return Vectors((middle - way)[None], (middle + way)[None], np.array([self.stamps_ns[0]]),
-                       np.array([self._last_ns]), covariance[None], shared, np.array([track_id]), unit)
+                       np.array([self.last_ns]), covariance[None], shared, np.array([track_id]), unit)
 
 
 def _median_gsd(frame: PlacedFrame, unit: Unit) -> float:
