@@ -56,8 +56,11 @@ Coded video ({codecs}) is decoded from the first key frame on. Frames before it,
 or missing until the
 next key frame, are LOST. Each message is one frame, with its own stamp. With a PyAV older than 16, a missing packet \
 of H.265 goes unnoticed.
-Packets of VP9 have no numbers, so a missing one shows as smear until the next key frame. The live tracker takes no \
-coded video.
+Packets of VP9 have no numbers, so a missing one shows as smear until the next key frame. A packet that was cut short \
+is noticed in H.264; the
+decoders of H.265 and VP9 take one in five for whole (cuts of one picture of 60 places), and its picture is smeared \
+until the next key frame. The live \
+tracker takes no coded video.
 
 A recording without such a topic is refused with the list of its topics. Video of other plugins:
 
