@@ -200,6 +200,13 @@ class Compilation:
     compiled: int = 0
     trouble: str = ""
 
+    @property
+    def awaited(self) -> str:
+        """What a node waits for meanwhile."""
+        if not self.total:
+            return "kernels to be loaded"
+        return f"kernels to be compiled, {self.done} of {self.total} are done"
+
     def after(self, one: Kernel) -> Compilation:
         """The progress after one more kernel."""
         return Compilation(self.done + 1, self.total, self.compiled + one.was_compiled, self.trouble or one.trouble)

@@ -75,7 +75,7 @@ class EvaluatorNode(StabNode):
 
     # start and main loop ---------------------------------------------------------------------------------------------
     def on_compilation(self, progress: Compilation) -> None:
-        self.status.waiting_for = f"kernels to be compiled, {progress.done} of {progress.total} are done"
+        self.status.waiting_for = progress.awaited
 
     def prepare(self) -> None:
         compile_kernels()  # done already, unless another executor spins this node

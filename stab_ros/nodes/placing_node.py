@@ -97,7 +97,7 @@ class PlacingNode(StabNode):
 
     # start and end ---------------------------------------------------------------------------------------------------
     def on_compilation(self, progress: Compilation) -> None:
-        self.status.waiting_for = f"kernels to be compiled, {progress.done} of {progress.total} are done"
+        self.status.waiting_for = progress.awaited
 
     def prepare(self) -> None:
         compile_kernels()  # done already, unless another executor spins this node

@@ -47,6 +47,7 @@ CASES: list[Mapping[str, Value]] = [
 ]
 
 
+@pytest.mark.thorough
 def test_nothing_is_compiled_once_the_kernels_are() -> None:
     """Whatever the encoding, size, method, model, estimator, reference, interpolation, scale or lens."""
     compile_kernels()

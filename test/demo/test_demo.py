@@ -28,6 +28,7 @@ from stab_ros.io.homographies import read_homographies
 from stab_ros.io.homography_message import homography_cdr, read_homography
 from stab_ros.io.track_message import track_cdr
 
+pytestmark = pytest.mark.thorough  # `make demo` checks its promises by itself
 SIZE = 960, 540
 STAMPS_NS = [row.stamp_ns for row in read_homographies(TRUTH)]
 MADE = ("stabilized.mcap", "H.csv", "H_command.csv", "before_after.mp4", "before_after.png", "errors.txt",

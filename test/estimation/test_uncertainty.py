@@ -65,10 +65,14 @@ WORSE: dict[str, tuple[Callable[[Gray], Gray], dict[str, Value]]] = {
 }
 
 
+@pytest.fixture(scope="module")
+def clear(flights: list[Flight]) -> Flown:
+    return fly(make_stabilizer({}), flights[0])
+
+
 @pytest.mark.parametrize("worse", list(WORSE))
-def test_sigma_grows_when_the_picture_gets_worse(worse: str, flights: list[Flight]) -> None:
+def test_sigma_grows_when_the_picture_gets_worse(worse: str, flights: list[Flight], clear: Flown) -> None:
     spoil, values = WORSE[worse]
-    clear = fly(make_stabilizer({}), flights[0])
     worn = fly(make_stabilizer(values), flights[0], lambda number, image: spoil(image) if number else image)
     assert not worn.lost
     after = slice(25, None)  # the start has features of its own

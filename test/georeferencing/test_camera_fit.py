@@ -96,6 +96,7 @@ def test_two_points_whose_names_were_swapped_are_named() -> None:
     assert set(fit_pose(swapped, Scene().view.camera).wrong) == {"G2", "G3"}
 
 
+@pytest.mark.thorough
 def test_homography_of_the_fit_is_that_of_the_view_and_its_covariance_that_of_new_draws() -> None:
     scene = Scene(relief_m=6)
     exact = scene.points(10, 0.0, np.random.default_rng(5))

@@ -159,6 +159,7 @@ def test_one_table_shows_all_and_the_same_twice(bag: Path, command: Command) -> 
             assert figures[again] == two["methods"][name][again]
 
 
+@pytest.mark.thorough
 def test_parameters_apply_to_all_methods_and_to_the_judge(bag: Path, command: Command, tmp_path: Path) -> None:
     config = tmp_path / "tracker.yaml"
     config.write_text("/**:\n  ros__parameters:\n    method: klt\n    model: translation\n", encoding="utf-8")
@@ -346,6 +347,7 @@ def test_every_kind_of_input(kind: str, recordings: dict[str, Path], command: Co
     assert json.loads((tmp_path / "J.json").read_text(encoding="utf-8"))["methods"]["direct"]["tracked"] == 3
 
 
+@pytest.mark.thorough
 def test_colour_comes_through(flight: list[Shot], command: Command, tmp_path: Path) -> None:
     shots = [replace(shot, image=np.dstack([shot.image] * 3)) for shot in flight[:3]]
     found, _ = compared(command, write_mcap(tmp_path / "colour.mcap", list(entries(shots))), "--methods", "direct")

@@ -217,9 +217,9 @@ def test_two_cameras(graph: Graph, flight: list[Shot]) -> None:
 def test_state_goes_from_waiting_to_stale(graph: Graph, flight: list[Shot]) -> None:
     graph.start("tracker_node", stale_s=0.05)
     diagnostics = graph.listen(DiagnosticArray, "/diagnostics", 1)
-    graph.until(lambda: diagnostics, "a report")
-    assert values_of(diagnostics[0])["state"] == "WAITING"
-    assert diagnostics[0].status[0].message == "waiting for images on /image_raw"
+    graph.until(lambda: diagnostics and diagnostics[-1].status[0].message == "waiting for images on /image_raw",
+                "a tracker that is ready")
+    assert values_of(diagnostics[-1])["state"] == "WAITING"
     graph.speak(Image, "/image_raw").publish(image_message(flight[0].image, 1))
     graph.until(lambda: values_of(diagnostics[-1])["state"] == "STALE", "the state STALE")
     assert diagnostics[-1].status[0].message.startswith("no image for ")

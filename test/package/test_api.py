@@ -55,6 +55,7 @@ def test_an_unknown_name_is_an_import_error() -> None:
     assert "cannot import name 'Stabiliser' from 'stab_ros'" in failed.stderr
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_snippets_of_the_page_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "bags").symlink_to(ROOT / "bags")

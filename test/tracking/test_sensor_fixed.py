@@ -63,6 +63,7 @@ def test_bars_above_and_below_are_not_the_ground() -> None:
     assert is_right(fly(stabilizer, swaying(), lambda _, image: with_bars(image)))
 
 
+@pytest.mark.thorough
 def test_an_overlay_that_appears_in_flight_is_left_out_of_later_keyframes() -> None:
     scene = preset("basento")
     far = replace(scene, motion=replace(scene.motion, drift_per_s=Pose(x_m=0.6 * scene.ground_m[0])))
