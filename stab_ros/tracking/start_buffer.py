@@ -228,10 +228,11 @@ class StartBuffer:
 
 
 def _with_rest(planes: list[Plane], seen: Observations) -> list[Plane]:
-    """The planes, with those told that hardly move while another one does."""
+    """The planes, with those told that hardly move while another one does; a scattered one is known less well."""
     moved_px = [_most_moved_px(plane, seen) for plane in planes]
-    resting_px = min(_RESTING_PX, max(moved_px) / _TIMES_RESTING)
-    return [replace(plane, at_rest=px < resting_px) for plane, px in zip(planes, moved_px, strict=True)]
+    far_less_px = max(moved_px) / _TIMES_RESTING
+    return [replace(plane, at_rest=px < min(_RESTING_PX * plane.scatter, far_less_px))
+            for plane, px in zip(planes, moved_px, strict=True)]
 
 
 def _moves(plane: Plane, seen: Observations) -> bool:

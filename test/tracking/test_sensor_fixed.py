@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import islice
 
 import cv2
 import numpy as np
 import pytest
 from flights import SIZE, Flown, fly, trap
 
-from stab_ros.core.types import Gray
+from stab_ros.core.geometry import rms_distance
+from stab_ros.core.gray import to_gray
+from stab_ros.core.types import Frame, Gray
+from stab_ros.demo.__main__ import SAMPLE, TRUTH
+from stab_ros.io.homographies import read_homographies
+from stab_ros.io.source import open_source
 from stab_ros.parameters.engines import make_stabilizer
 from stab_ros.synthetic.camera_path import Pose
 from stab_ros.synthetic.flight import Flight, preset
@@ -37,6 +43,16 @@ def swaying() -> Flight:
     return Flight(preset("basento"), SIZE, FRAMES)
 
 
+def with_specks(image: Gray, seed: int) -> Gray:
+    """Soft dark specks of dirt on the lens."""
+    random, specks = np.random.default_rng(seed), np.zeros(image.shape, np.float32)
+    height, width = image.shape
+    for _ in range(160):
+        at = int(random.uniform(0, width)), int(random.uniform(0, height))
+        cv2.circle(specks, at, int(random.uniform(3, 9)), 1.0, -1)
+    return np.asarray(image * (1 - 0.6 * cv2.GaussianBlur(specks, (0, 0), 2.0)), np.uint8)
+
+
 def share(stabilizer: Stabilizer) -> float:
     return stabilizer.sensor_fixed_share
 
@@ -56,6 +72,20 @@ def test_text_in_the_picture_is_not_the_ground(rows: int) -> None:
     assert stabilizer.static_map is not None
     text = with_text(np.zeros(SIZE[::-1], np.uint8), rows) > 0
     assert np.mean(stabilizer.static_map.picture()[text] > 127) < 0.1
+
+
+def test_dirt_on_the_lens_is_not_the_ground() -> None:
+    """Its specks, dragged along by the scene behind them, keep together only loosely and never quite rest."""
+    stabilizer = make_stabilizer({})
+    with open_source(SAMPLE) as source:
+        frames = [picture.decoded for picture in islice(source.frames(), 30) if isinstance(picture.decoded, Frame)]
+    tracks = [track for frame in frames
+              for track in stabilizer.answers(replace(frame, image=with_specks(to_gray(frame), 5), encoding="mono8"))]
+    for track, row in zip([*tracks, *stabilizer.finish()], read_homographies(TRUTH), strict=False):
+        assert track.ref_H_cur is not None
+        assert row.ref_H_cur is not None
+        assert rms_distance(track.ref_H_cur, row.ref_H_cur, frames[0].size) < 0.05
+    assert stabilizer.competing_hypothesis is None
 
 
 def test_bars_above_and_below_are_not_the_ground() -> None:
