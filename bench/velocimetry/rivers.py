@@ -54,7 +54,8 @@ _SURVEYED, _SEARCH_SHARE = 41, 0.05  # points of the section, and search distanc
 _GRID_PX = 40
 _HEAD = ["frames placed", "lost, %", "unrest, mm/s", "vectors", "mean speed, mm/s", "error along flow, mm/s",
          "median size of it, mm/s", "median size of error, mm/s", "% of mean speed", "median sigma, mm/s",
-         "within 2 sigma, %", "ratio", "bank, mm/s", "its sigma", "at rest", "Q, error %", "95 %"]
+         "within 2 sigma, %", "ratio", "bank, mm/s", "its sigma", "at rest", "Q, error %", "extrapolated, %",
+         "95 %"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +153,8 @@ class Judged:
         bank: (I, 2), median velocity of each interval, m/s.
         bank_sigma: (I, 2).
         at_rest: of each interval.
-        discharge: (F, 3), of each flight: relative error, lower and upper bound of the interval, by the truth.
+        discharge: (F, 4), of each flight: relative error, lower and upper bound of the interval, by the truth, and the
+            share that is extrapolated.
         unrest: of each flight, see `unrest_m_s`.
         lost: share of frames.
     """
@@ -180,7 +182,7 @@ class Judged:
         ratio = np.abs(self.errors) / self.sigmas
         bank, sigma = (1e3 * float(np.sqrt(np.mean(one**2))) for one in (self.bank, self.bank_sigma))
         known = [rest for rest in self.at_rest if rest is not None]
-        off, low, high = self.discharge.T
+        off, low, high, beyond = self.discharge.T
         inside = int(np.count_nonzero((low <= 1) & (high >= 1)))
         return [name, number(100 * self.lost, 0), number(1e3 * float(np.mean(self.unrest)), 2), str(len(along)),
                 number(mean, 0), f"{np.median(along):+.2f}", number(float(np.median(np.abs(along))), 2),
@@ -188,7 +190,8 @@ class Judged:
                 number(100 * float(np.median(size)) / mean, 2), number(1e3 * float(np.median(self.sigmas)), 2),
                 number(100 * float(np.mean(ratio < 2)), 1), number(float(np.median(ratio)) / _MEDIAN_OF_NORMAL, 2),
                 number(bank, 2), number(sigma, 2), f"{sum(known)} of {len(known)}",
-                ", ".join(f"{100 * one:+.1f}" for one in off), f"{inside} of {len(off)}"]
+                ", ".join(f"{100 * one:+.1f}" for one in off),
+                ", ".join(f"{100 * one:.0f}" for one in beyond), f"{inside} of {len(off)}"]
 
 
 def judged(river: River, name: str, method: str) -> Judged:
@@ -239,7 +242,7 @@ def _of_flight(parts: Sequence[Vectors]) -> Vectors:
 
 
 def _discharge(river: River, vectors: Vectors) -> FloatArray:
-    """(1, 3): relative error, and the interval by the truth; alpha, bed and water level are exact."""
+    """(1, 4): relative error, the interval by the truth, extrapolated share; alpha, bed and water level are exact."""
     section = section_of(river.flight.preset)
     truth, survey = section.discharge_m3_s(river.flight.field), section.surveyed(_SURVEYED)
     line = between(np.array(section.start_m), np.array(section.end_m), survey.chainage_m, survey.bed_m)
@@ -248,8 +251,9 @@ def _discharge(river: River, vectors: Vectors) -> FloatArray:
     try:
         found = measure(vectors, line, section.bed.wse_m, config)
     except InputError:
-        return np.full((1, 3), np.nan)
-    return np.array([[found.q_m3_s / truth - 1, found.low_m3_s / truth, found.high_m3_s / truth]])
+        return np.full((1, 4), np.nan)
+    return np.array([[found.q_m3_s / truth - 1, found.low_m3_s / truth, found.high_m3_s / truth,
+                      found.shares.extrapolated]])
 
 
 def names_of(scene: str) -> list[str]:

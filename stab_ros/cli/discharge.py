@@ -65,8 +65,8 @@ def _add_method(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--min-vectors", type=positive_int, metavar="N",
                         help="vectors from which a vertical counts as measured (default 3)")
     parser.add_argument("--filling", metavar="F",
-                        help="for verticals without vectors: froude (default), froude_linear, klt_iv, quadratic or "
-                        "cubic")
+                        help="for verticals without vectors: kriging (default), froude, froude_linear, klt_iv, "
+                        "quadratic or cubic")
     parser.add_argument("--integration", metavar="I", help="mid_section (default) or mean_section")
     parser.add_argument("--alpha", type=positive_float, metavar="A",
                         help="depth-averaged over surface velocity (default 0.85)")

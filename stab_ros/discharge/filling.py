@@ -7,14 +7,15 @@ product. Velocities are across the section; negative ones, as in an eddy, are fi
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
 
-from stab_ros.core.types import BoolArray, FloatArray, IdArray
+from stab_ros.core.types import FloatArray, IdArray
+from stab_ros.discharge.filling_kriged import by_kriging
+from stab_ros.discharge.measured import Measured
 from stab_ros.discharge.wetted import DRY, shores_m
 
 _GROUP = 3  # verticals at an edge that tell the velocity beyond
@@ -22,28 +23,6 @@ _MARGIN = 1.2  # a polynomial may exceed the largest measured velocity so far
 _BEND = 0.5  # how far a line of Froude numbers may leave their mean
 _SINGULAR = 1e-9  # share of a determinant that rounding makes
 _SPARE = 2  # points that a polynomial needs beyond its coefficients
-
-
-@dataclass(frozen=True, eq=False)
-class Measured:
-    """Which verticals have vectors.
-
-    Attributes:
-        chainage_m: (N,).
-        depth_m: (N,), nominal; negative above the water.
-        channel: (N,), of `channels`.
-        known: (N,), whether a vertical has vectors; at least one does.
-    """
-
-    chainage_m: FloatArray
-    depth_m: FloatArray
-    channel: IdArray
-    known: BoolArray
-
-    def neighbours(self, channel: int) -> IdArray:
-        """The known verticals from which those of a channel are filled: its own, or all where it has none."""
-        own = np.flatnonzero(self.known & (self.channel == channel))
-        return (own if len(own) else np.flatnonzero(self.known)).astype(np.int64)
 
 
 class Filling(Protocol):
@@ -156,5 +135,6 @@ def _operator(known_m: FloatArray, shores_m_: FloatArray, wanted_m: FloatArray, 
 
 
 FILLINGS: Mapping[str, Filling] = MappingProxyType({
-    "froude": partial(by_depth, power=0.5), "froude_linear": by_linear_froude, "klt_iv": partial(by_depth, power=1.0),
-    "quadratic": partial(by_polynomial, degree=2), "cubic": partial(by_polynomial, degree=3)})
+    "kriging": by_kriging, "froude": partial(by_depth, power=0.5), "froude_linear": by_linear_froude,
+    "klt_iv": partial(by_depth, power=1.0), "quadratic": partial(by_polynomial, degree=2),
+    "cubic": partial(by_polynomial, degree=3)})

@@ -8,10 +8,12 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.types import BoolArray, FloatArray
 from stab_ros.discharge.cross_section import CrossSection
 from stab_ros.discharge.doubts import coverage_doubts, section_doubts
-from stab_ros.discharge.filling import FILLINGS, Measured
+from stab_ros.discharge.filling import FILLINGS
+from stab_ros.discharge.filling_kriged import kriging_sigma_m_s
 from stab_ros.discharge.integration import INTEGRATIONS
 from stab_ros.discharge.interpolated_variance import Roughness, relative_sigma, roughness
 from stab_ros.discharge.iso748 import Iso748, sigma_by_number
+from stab_ros.discharge.measured import Measured
 from stab_ros.discharge.monte_carlo import Noise, discharges, interval, sources
 from stab_ros.discharge.result import Discharge, Shares, Verticals
 from stab_ros.discharge.settings import DischargeConfig
@@ -102,8 +104,8 @@ def _with_uncertainty(table: Verticals, measured: Measured, surface: SurfaceVelo
                       section: CrossSection, vectors: Vectors, config: DischargeConfig) -> Discharge:
     wet = table.wet
     rough = roughness(table.chainage_m[wet], table.depth_m[wet], table.surface_m_s[wet], table.measured[wet])
-    noise = _noise(surface, rough, config, filled=not table.measured[wet].all())
     velocity = np.where(surface.known, surface.velocity_m_s, 0.0)
+    noise = _noise(surface, rough, _filling_sigma_m_s(table, measured, velocity, config), config)
     drawn = discharges(measured, velocity, noise, config)
     by_source = sources(measured, velocity, noise, config)
     q, area = float(table.part_m3_s.sum()), float(area_m2(table.chainage_m, table.depth_m))
@@ -120,7 +122,14 @@ def _with_uncertainty(table: Verticals, measured: Measured, surface: SurfaceVelo
         int(used.end_ns.max()), (*section_doubts(section, table, wse_m), *coverage_doubts(table, _shares(table))))
 
 
-def _noise(surface: SurfaceVelocities, rough: Roughness, config: DischargeConfig, filled: bool) -> Noise:
+def _filling_sigma_m_s(table: Verticals, measured: Measured, velocity_m_s: FloatArray, config: DischargeConfig
+                       ) -> FloatArray:
+    """(N,), of filled velocities: by their distance from measured ones or by kriging, whichever is larger."""
+    far = config.filling_sigma * measured.away * np.abs(table.surface_m_s)
+    return np.maximum(far, kriging_sigma_m_s(measured, velocity_m_s)) if config.filling_sigma else far
+
+
+def _noise(surface: SurfaceVelocities, rough: Roughness, filling_m_s: FloatArray, config: DischargeConfig) -> Noise:
     """What is drawn: a vertical is at least as uncertain as its difference from its neighbours says.
 
     Too few verticals do not say it, so their number counts, as in ISO 748.
@@ -128,7 +137,7 @@ def _noise(surface: SurfaceVelocities, rough: Roughness, config: DischargeConfig
     bed_m = max(config.depth_sigma_m, np.nan_to_num(rough.depth_m))
     single = np.maximum(np.nan_to_num(surface.sigma_m_s), np.nan_to_num(rough.velocity_m_s))
     return Noise(config.alpha_sigma, config.wse_sigma_m, bed_m, np.where(surface.known, single, 0.0),
-                 surface.shared_m_s, config.filling_sigma if filled else 0.0,
+                 surface.shared_m_s, filling_m_s,
                  sigma_by_number(int(surface.known.sum())) if np.isnan(rough.velocity_m_s) else 0.0)
 
 

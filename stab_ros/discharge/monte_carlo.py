@@ -14,13 +14,14 @@ from types import MappingProxyType
 import numpy as np
 
 from stab_ros.core.types import FloatArray, IdArray
-from stab_ros.discharge.filling import FILLINGS, Measured
+from stab_ros.discharge.filling import FILLINGS
 from stab_ros.discharge.integration import INTEGRATIONS
+from stab_ros.discharge.measured import Measured
 from stab_ros.discharge.settings import DischargeConfig
-from stab_ros.discharge.wetted import wet_lengths_m
 
 _LEAST_ALPHA = 0.05
 _OF_THE_CHOSEN = 0.5  # share of draws with the filling that was chosen; the others share the rest
+_OF_SEVERAL = "kriging"  # weighs several profiles by itself, and their difference is part of its sigma
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +34,7 @@ class Noise:
         bed_m: of the bed at each vertical.
         velocity_m_s: (N,), of the velocity at each vertical by itself.
         shared_m_s: (N, K), change of the velocities by one standard deviation of each shared error.
-        filling: of filled velocities, relative, for each width of the river that they lie away from measured ones;
+        filling_m_s: (N,), of filled velocities, which err together on each side of the measured ones; where any is
             above 0, the way of filling is drawn too.
         verticals: of the discharge, relative, by the number of verticals.
     """
@@ -43,19 +44,20 @@ class Noise:
     bed_m: float
     velocity_m_s: FloatArray
     shared_m_s: FloatArray
-    filling: float
+    filling_m_s: FloatArray
     verticals: float
 
     def only(self, source: str) -> Noise:
         """That of one source of SOURCES alone."""
         keep = SOURCES[source]
-        quiet = Noise(0.0, 0.0, 0.0, np.zeros_like(self.velocity_m_s), np.zeros_like(self.shared_m_s), 0.0, 0.0)
+        still = np.zeros_like(self.velocity_m_s)
+        quiet = Noise(0.0, 0.0, 0.0, still, np.zeros_like(self.shared_m_s), still, 0.0)
         return replace(quiet, **{keep: getattr(self, keep)})
 
 
 SOURCES: Mapping[str, str] = MappingProxyType({  # name in results: field of Noise
     "alpha": "alpha", "water level": "wse_m", "bed": "bed_m", "vectors": "velocity_m_s", "shared": "shared_m_s",
-    "filling": "filling", "verticals": "verticals"})
+    "filling": "filling_m_s", "verticals": "verticals"})
 
 
 def discharges(measured: Measured, velocity_m_s: FloatArray, noise: Noise, config: DischargeConfig) -> FloatArray:
@@ -76,7 +78,7 @@ def discharges(measured: Measured, velocity_m_s: FloatArray, noise: Noise, confi
     common = rng.normal(size=(shape[0], noise.shared_m_s.shape[1])) @ noise.shared_m_s.T
     surface = velocity_m_s + common + rng.normal(size=shape) * noise.velocity_m_s
     filled = _filled(measured, depth, surface, _methods(config, noise, rng))
-    filled = filled * (1 + noise.filling * _away(measured) * rng.normal(size=(shape[0], 2))[:, _side(measured)])
+    filled = filled + noise.filling_m_s * rng.normal(size=(shape[0], 2))[:, _side(measured)]
     total = INTEGRATIONS[config.integration](measured.chainage_m, depth, alpha * filled).sum(axis=1)
     return np.asarray(total * rng.normal(1.0, noise.verticals, shape[0]))
 
@@ -88,14 +90,8 @@ def _methods(config: DischargeConfig, noise: Noise, rng: np.random.Generator) ->
     shares = np.full(len(names), (1 - _OF_THE_CHOSEN) / (len(names) - 1))
     shares[chosen] = _OF_THE_CHOSEN
     drawn = rng.choice(len(names), config.draws, p=shares)
-    return np.asarray(drawn if noise.filling else np.full(config.draws, chosen), np.int64)
-
-
-def _away(measured: Measured) -> FloatArray:
-    """(N,), distance from the nearest measured vertical over the wet width; 0 at measured ones."""
-    distance = np.abs(measured.chainage_m[:, None] - measured.chainage_m[measured.known]).min(axis=1)
-    width = wet_lengths_m(measured.chainage_m, measured.depth_m).sum()
-    return np.asarray(np.where(measured.known, 0.0, distance / width))
+    differ = noise.filling_m_s.any() and config.filling != _OF_SEVERAL
+    return np.asarray(drawn if differ else np.full(config.draws, chosen), np.int64)
 
 
 def _side(measured: Measured) -> IdArray:

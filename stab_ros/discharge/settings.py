@@ -28,7 +28,8 @@ class DischargeConfig(Checked):
     integration: str = setting(
         "mid_section", "How the verticals are added up: mid_section or mean_section", choices=tuple(INTEGRATIONS))
     filling: str = setting(
-        "froude", "How verticals without vectors get a velocity: froude (v ~ sqrt(h), Le Coz et al. 2008), "
+        "kriging", "How verticals without vectors get a velocity: kriging (v, v / sqrt(h) or v / h goes on along the "
+        "section as measured, whichever is likely), froude (v ~ sqrt(h), Le Coz et al. 2008), "
         "froude_linear (Froude number linear over the width), klt_iv (v ~ h, as the released KLT-IV), quadratic or "
         "cubic (polynomials over the width)", choices=tuple(FILLINGS))
     filling_sigma: float = setting(

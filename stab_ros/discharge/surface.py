@@ -1,7 +1,8 @@
-"""The surface velocity at each vertical: the median of the vectors within the search distance."""
+"""The surface velocity at each vertical: the median of what the vectors within the search distance tell of it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,11 +10,15 @@ from scipy.spatial import cKDTree
 
 from stab_ros.core.types import BoolArray, FloatArray, IdArray
 from stab_ros.discharge.cross_section import CrossSection
+from stab_ros.discharge.local_change import Change, local_change
+from stab_ros.discharge.wetted import DRY, channels
 from stab_ros.velocimetry.vectors import Vectors
 
 _MEDIAN_LOSS = 1.2533  # standard error of a median over that of a mean, sqrt(pi / 2)
 _MAD = 1.4826  # standard deviation over median absolute deviation, of a normal distribution
 _POOLED_AS = 8  # tracks that the scatter of all verticals counts for at each
+_REACH = 2.0  # search distances within which vectors tell the gradient around a vertical
+_STEEPEST = 4.0  # gradient of a parabolic profile at its shores, in largest velocities a width; its curvature is twice
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +53,15 @@ def surface_velocities(section: CrossSection, wet: BoolArray, vectors: Vectors, 
                        ) -> SurfaceVelocities:
     """Medians at the verticals of a section (Perks 2020, 2.2.5), with their standard deviation.
 
-    The standard deviation is that of a median of as many values as there are tracks, from the scatter around it and,
-    where that is larger, from the vectors' own covariance. Few tracks tell no scatter, so that of all verticals joins.
+    Each vector within the search distance is carried to the vertical by how the velocity changes around it, see
+    `local_change`. The standard deviation is that of a median of as many values as there are tracks, from the scatter
+    around it and, where that is larger, from the vectors' own covariance; that of the change is added. Few tracks tell
+    no scatter, so that of all verticals joins.
 
     Args:
         section: the verticals.
         wet: (N,), which of them lie under water; only these are measured.
-        vectors: in the map, in metres.
+        vectors: in the map, in metres; each counts for verticals of the channel in which it lies, or nearest to it.
         search_m: search distance.
         min_vectors: fewer of them make no median.
     """
@@ -63,10 +70,16 @@ def surface_velocities(section: CrossSection, wet: BoolArray, vectors: Vectors, 
     across, own = vectors.velocity_m_s @ downstream, np.einsum("i,nij,j->n", downstream, vectors.covariance, downstream)
     groups = [found if len(found) >= min_vectors else found[:0] for found in near]
     tracks = np.array([len(np.unique(vectors.track_id[found])) for found in groups])
-    scatter = _scatter(across, own, groups, tracks)
+    offsets = [_offset_m(section, i, vectors, found) for i, found in enumerate(groups)]
+    changes = _changes(section, wet, vectors, across, groups, _REACH * search_m)
+    told = [across[found] - change.at(offset) for found, change, offset in zip(groups, changes, offsets, strict=True)]
+    scatter = np.maximum(_scatter(told, tracks), np.sqrt(_medians(own, groups)))
+    aside = np.array([change.sigma_m_s(offset) if len(offset) else 0.0
+                      for change, offset in zip(changes, offsets, strict=True)])
     shared = np.einsum("i,nik->nk", downstream, vectors.shared)
     return SurfaceVelocities(
-        _medians(across, groups), _MEDIAN_LOSS * scatter / np.sqrt(np.maximum(tracks, 1)),
+        np.array([float(np.median(one)) if len(one) else np.nan for one in told]),
+        np.hypot(_MEDIAN_LOSS * scatter / np.sqrt(np.maximum(tracks, 1)), aside),
         np.array([_median(shared[found]) for found in groups]).reshape(len(section), shared.shape[1]),
         np.array([len(found) for found in near], np.int64),
         _medians(vectors.velocity_m_s @ section.along, groups), nearest_m, downstream)
@@ -74,14 +87,49 @@ def surface_velocities(section: CrossSection, wet: BoolArray, vectors: Vectors, 
 
 def _near(section: CrossSection, wet: BoolArray, vectors: Vectors, search_m: float) -> tuple[list[IdArray], float]:
     """The vectors at each vertical, and how near the nearest one of all is."""
-    none = np.empty(0, np.int64)
     if not len(vectors):
-        return [none] * len(section), np.inf
-    tree = cKDTree(vectors.position_m)
-    found = [np.sort(np.array(tree.query_ball_point(place, search_m), np.int64)) if under else none
-             for place, under in zip(section.position_m, wet, strict=True)]
-    distance_m, _ = tree.query(section.position_m[wet])
-    return found, float(np.min(distance_m))
+        return [np.empty(0, np.int64)] * len(section), np.inf
+    distance_m, _ = cKDTree(vectors.position_m).query(section.position_m[wet])
+    return _of_channel(section, wet, vectors, search_m), float(np.min(distance_m))
+
+
+def _of_channel(section: CrossSection, wet: BoolArray, vectors: Vectors, within_m: float) -> list[IdArray]:
+    """Of each wet vertical, the vectors so near that do not lie in another channel, as beyond an island."""
+    tree, own = cKDTree(vectors.position_m), channels(np.where(wet, 1.0, -1.0))
+    chainage_m = (vectors.position_m - section.position_m[0]) @ section.along + section.chainage_m[0]
+    under = section.chainage_m[wet]
+    of_vector = own[wet][np.searchsorted((under[1:] + under[:-1]) / 2, chainage_m)]
+    found = [np.sort(np.array(tree.query_ball_point(place, within_m), np.int64)) for place in section.position_m]
+    return [one[(of_vector[one] == channel) & (channel != DRY)] for one, channel in zip(found, own, strict=True)]
+
+
+def _offset_m(section: CrossSection, vertical: int, vectors: Vectors, found: IdArray) -> FloatArray:
+    """(n, 2), how far vectors lie from a vertical, along the section and across it."""
+    return np.asarray((vectors.position_m[found] - section.position_m[vertical])
+                      @ np.column_stack([section.along, section.normal]))
+
+
+def _changes(section: CrossSection, wet: BoolArray, vectors: Vectors, across: FloatArray, groups: list[IdArray],
+             reach_m: float) -> list[Change]:
+    """How the component across the section changes around each vertical that has vectors; not at all without."""
+    medians = _medians(across, [found for found in groups if len(found)])
+    width_m = _widths_m(section, wet)
+    usual = np.abs(medians).max(initial=0) * np.column_stack(
+        [_STEEPEST / width_m] * 2 + [2 * _STEEPEST / width_m**2] * 2)
+    wide = _of_channel(section, wet, vectors, reach_m) if len(medians) else groups
+    return [local_change(_offset_m(section, i, vectors, around), across[around], reach_m, usual[i])
+            if len(groups[i]) else Change.none() for i, around in enumerate(wide)]
+
+
+def _widths_m(section: CrossSection, wet: BoolArray) -> FloatArray:
+    """(N,), from the point before to that behind the channel of each vertical; that of the section for dry ones."""
+    own, last = channels(np.where(wet, 1.0, -1.0)), len(section) - 1
+    width = np.full(len(section), section.chainage_m[-1] - section.chainage_m[0])
+    for channel in range(own.max() + 1):
+        inside = np.flatnonzero(own == channel)
+        ends = max(inside[0] - 1, 0), min(inside[-1] + 1, last)
+        width[inside] = section.chainage_m[ends[1]] - section.chainage_m[ends[0]]
+    return width
 
 
 def _downstream(normal: FloatArray, vectors: Vectors, near: list[IdArray]) -> FloatArray:
@@ -91,14 +139,13 @@ def _downstream(normal: FloatArray, vectors: Vectors, near: list[IdArray]) -> Fl
     return np.asarray(sign * normal)
 
 
-def _scatter(across: FloatArray, own: FloatArray, groups: list[IdArray], tracks: IdArray) -> FloatArray:
+def _scatter(told: Sequence[FloatArray], tracks: IdArray) -> FloatArray:
     """(N,), standard deviation of single tracks around the median of their vertical."""
-    seen = np.array([_MAD * float(np.median(np.abs(across[found] - np.median(across[found])))) if len(found) else np.nan
-                     for found in groups])
+    seen = np.array([_MAD * float(np.median(np.abs(one - np.median(one)))) if len(one) else np.nan for one in told])
     many = seen[tracks > 2]
     pooled = float(np.median(many)) if len(many) else np.nan
     joint = seen if np.isnan(pooled) else np.sqrt((tracks * seen**2 + _POOLED_AS * pooled**2) / (tracks + _POOLED_AS))
-    return np.asarray(np.maximum(joint, np.sqrt(_medians(own, groups))))
+    return np.asarray(joint)
 
 
 def _medians(values: FloatArray, groups: list[IdArray]) -> FloatArray:

@@ -51,3 +51,25 @@ def test_too_few_vectors_and_dry_points_are_not_measured() -> None:
     found = surface_velocities(SECTION, np.array([True, False, True, True, True]), vectors, 1.0, 3)
     assert found.known.tolist() == [True, False, True, True, True]
     assert not surface_velocities(SECTION, WET, vectors, 1.0, 10_000).known.any()
+
+
+SHEARED = River(lambda s: 0.1 * s)
+
+
+def test_a_vertical_beside_all_vectors_has_the_velocity_that_they_lead_to() -> None:
+    errors, sigmas = [], []
+    for seed in range(60):
+        vectors = SHEARED.vectors(np.random.default_rng(seed), 1500, sigma_m_s=0.05, shared=0.0)
+        found = surface_velocities(SECTION, WET, vectors[vectors.position_m[:, 1] > 2.2], 1.0, 3)
+        errors.append(found.velocity_m_s[0] - 0.2)
+        sigmas.append(found.sigma_m_s[0])
+    assert abs(np.mean(errors)) < 0.01
+    assert 0.7 < np.std(errors) / np.mean(sigmas) < 1.3
+
+
+def test_vectors_beyond_an_island_do_not_count() -> None:
+    places = np.linspace(9, 11, 5)
+    section = referenced(np.column_stack([np.zeros(5), places]), np.zeros(5))
+    beside = River(lambda s: np.where(s < 10, 0.2, 1.0)).vectors(np.random.default_rng(0), 4000, shared=0.0)
+    found = surface_velocities(section, np.array([True, True, False, True, True]), beside, 1.5, 3)
+    assert found.velocity_m_s[[0, 1, 3, 4]] == pytest.approx([0.2, 0.2, 1.0, 1.0], abs=0.05)
