@@ -49,7 +49,7 @@ def section_doubts(section: CrossSection, table: Verticals, wse_m: float) -> lis
                      "datum, and whether its heights are elevations or depths")
     if looks_like_depths(section.bed_m) and wse_m > 0:
         found.append("the elevations of the section rise from its ends to its middle, as depths do: if they are "
-                     "depths, say so (--depth)")
+                     "depths, their column must be named depth")
     return found
 
 

@@ -208,7 +208,7 @@ def _check_told(points: ControlPoints, best: Solution[CameraProblem], others: li
         places = " and ".join(f"({e:.2f}, {n:.2f}, {u:.2f})" for e, n, u in
                               (view.pose.position_m for view in (best.problem.view, *alike)))
         raise InputError(f"the points fit cameras at {places} m equally well (mirror solutions): add a point, best off "
-                         "the plane of the others, or give the position of the camera (--position)")
+                         "the plane of the others, or fit the camera by stab-ros camera with its --position")
 
 
 def _check_count(count: int, unknowns: Unknowns) -> None:

@@ -211,4 +211,4 @@ def _depth_doubts(path: Path, depth_m: FloatArray) -> list[str]:
     if not looks_like_elevations(depth_m):
         return []
     return [f"{path}: the depths are largest at its ends, or differ little for their size, as bed elevations do: if "
-            "they are elevations, say so (--elevation)"]
+            "they are elevations, their column must be named Z"]

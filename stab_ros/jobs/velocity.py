@@ -21,7 +21,7 @@ from stab_ros.io.velocity_csv import VelocityWriter
 from stab_ros.io.velocity_geojson import write_tracks
 from stab_ros.io.velocity_netcdf import write_netcdf
 from stab_ros.jobs.pipeline import OnFrame
-from stab_ros.jobs.placed_recording import Placed, prepared
+from stab_ros.jobs.placed_recording import Placed, Recording, prepared
 from stab_ros.jobs.placing import PicturePlacer, PlacedPicture
 from stab_ros.jobs.stabilize import expected
 from stab_ros.jobs.stage import Stage
@@ -63,6 +63,7 @@ class Velocities:
     undecoded: Counter[str] = field(default_factory=Counter)
     intervals: int = 0
     first_ns: int | None = None
+    last_ns: int | None = None
     parts: list[Vectors] = field(default_factory=list)
     water_parts: list[Vectors] = field(default_factory=list)
     bank_parts: list[Measured] = field(default_factory=list)
@@ -94,7 +95,8 @@ class Velocities:
         """Takes what became of a frame."""
         answer = placed.answer
         self.frames += 1
-        self.first_ns = answer.frame.stamp_ns if self.first_ns is None else self.first_ns
+        self.last_ns = answer.frame.stamp_ns
+        self.first_ns = self.last_ns if self.first_ns is None else self.first_ns
         if answer.placement is None:
             self.unplaced[answer.reason] += 1
             return
@@ -144,7 +146,8 @@ def velocity(job: Job, progress: Progress, compiling: Compiler = compile_kernels
             if result.frames == result.unplaced.total():
                 raise recording.nothing_placed(result.unplaced, result.first_ns)
             result.duration_s = time.monotonic() - started_s
-            result.warnings = (*outputs.warnings, *source.warnings, *recording.warnings, *_said(source, work, result))
+            result.warnings = (*outputs.warnings, *source.warnings, *recording.warnings, *_of_level(recording, result),
+                               *_said(source, work, result))
             outputs.finish(result, work)
     return result
 
@@ -230,6 +233,12 @@ def _run(job: Job, source: Source, work: VelocityWork, outputs: _Outputs, progre
             writing.put(_Done(last[0], None, *work.finish()))
     result.undecoded = placer.undecoded
     return result
+
+
+def _of_level(recording: Recording, result: Velocities) -> list[str]:
+    if result.unit == "px" or result.first_ns is None or result.last_ns is None:
+        return []
+    return recording.level_doubts(result.first_ns, result.last_ns)
 
 
 def _said(source: Source, work: VelocityWork, result: Velocities) -> list[str]:

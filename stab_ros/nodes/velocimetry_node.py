@@ -23,6 +23,7 @@ from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.static_map_input import StaticMapInput
 from stab_ros.nodes.velocimetry_publishers import VelocimetryPublishers
 from stab_ros.nodes.velocimetry_status import VelocimetryStatus
+from stab_ros.parameters.engines import tells_level
 from stab_ros.parameters.node_settings import VelocimetrySettings
 from stab_ros.parameters.table import OWN_VELOCITY_PARAMETERS, VELOCITY_PARAMETERS, velocity_table_with_preset
 from stab_ros.parameters.velocimeters import (
@@ -74,10 +75,9 @@ class VelocimetryNode(PlacingNode):
         self._water: Velocimeter | None = None
         self._bank: Velocimeter | None = None
         status = VelocimetryStatus(config.orientation if self._unit == "m" else "none",
-                                   round(self.settings.stale_s * SECOND_NS), self._unit,
-                                   self.settings.water_level_timeout_s)
+                                   round(self.settings.stale_s * SECOND_NS), self._unit)
         self._velocity_status = status
-        self.begin(values, config, status, make_placer)
+        self.begin(values, config, status, make_placer, tells_level(values))
         self._map: StaticMapInput | None = None
         if takes_map(values) and self.takes_motion:
             self._map = StaticMapInput(self, self._use_map, lambda text: self.on_unusable("", text))
@@ -95,6 +95,10 @@ class VelocimetryNode(PlacingNode):
     def takes_camera_info(self) -> bool:
         """For metres alone: pixels of the reference are what the homographies lead to."""
         return self._unit == "m" and super().takes_camera_info
+
+    @property
+    def takes_level(self) -> bool:
+        return self._unit == "m"
 
     @property
     def subscribers(self) -> int:

@@ -173,5 +173,5 @@ def test_too_few_or_no_vectors_and_pixels_make_no_discharge() -> None:
 def test_depths_taken_for_elevations_are_doubted() -> None:
     section = RIVER.section()
     as_depths = between(np.zeros(2), np.array([0.0, 1]), section.chainage_m[1:-1], WSE_M - section.bed_m[1:-1])
-    assert any("--depth" in warning for warning in of(section=as_depths, wse_m=WSE_M).warnings)
-    assert not any("--depth" in warning for warning in of().warnings)
+    assert any("must be named depth" in warning for warning in of(section=as_depths, wse_m=WSE_M).warnings)
+    assert not any("must be named depth" in warning for warning in of().warnings)

@@ -172,7 +172,7 @@ def test_faults_are_one_line(velocity: Path, tmp_path: Path, capsys: pytest.Capt
 def test_elevations_given_as_depths_are_doubted(velocity: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
                                                 ) -> None:
     assert main(["discharge", str(velocity), str(survey(tmp_path / "S.csv")), "--depth"]) == 0
-    assert "--elevation" in capsys.readouterr().err
+    assert "must be named Z" in capsys.readouterr().err
 
 
 def test_pixels_and_recordings_without_velocities_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]

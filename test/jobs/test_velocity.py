@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 from conftest import Command
 
+from stab_ros.imaging.camera import Camera
+from stab_ros.imaging.pose import Pose
 from stab_ros.io.bag import open_bag
+from stab_ros.io.camera_file import CameraFile, write_camera_file
 from stab_ros.io.velocity_csv import read_velocities
 from stab_ros.io.velocity_message import read_velocity
 
@@ -65,3 +68,15 @@ def test_bad_arguments_are_one_line(
     assert what in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_a_missing_water_level_is_said(recordings: dict[str, Path], command: Command, tmp_path: Path) -> None:
+    """With the pose of a camera the scale depends on it; 0 m is a level like others, if it is meant."""
+    camera = Camera(np.array([[400.0, 0, 240], [0, 400, 135], [0, 0, 1]]), np.zeros(0), "plumb_bob", (480, 270))
+    pose = Pose.of_angles(np.array([0, 0, 60.0]), 1.57, 1.5, 0.0)
+    write_camera_file(tmp_path / "camera.yaml", CameraFile(camera, pose=pose, pose_covariance=1e-4 * np.eye(6)))
+    words = ("velocity", recordings["mcap"], tmp_path / "V.mcap", "--force", "--camera", tmp_path / "camera.yaml",
+             "--limit", "4", *SHORT)
+    missing = "no water_level is recorded, and no wse_m is given: the water surface is taken to lie at 0 m"
+    assert missing in command(*words).stderr
+    assert "water" not in command(*words, "-p", "wse_m:=0").stderr
