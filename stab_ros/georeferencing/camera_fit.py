@@ -130,10 +130,10 @@ class CameraFit:
 
     def spread_on(self, wse_m: float) -> tuple[Homography, FloatArray]:
         """`map_H_image`, and changes (8, n) of h00 .. h21 by one standard deviation of each of n independent errors."""
-        H, J = normalized(np.linalg.inv(self.view.image_H_map(wse_m))), self._derivative(wse_m)
+        H, J = normalized(np.linalg.inv(self.view.image_H_map(wse_m))), self.by_parameters(wse_m)
         return H, np.asarray(J @ factor(self.solution.covariance))
 
-    def _derivative(self, wse_m: float) -> FloatArray:
+    def by_parameters(self, wse_m: float) -> FloatArray:
         """(8, n) of `map_H_image` by the parameters; k1 is no part of it."""
         J = np.zeros((8, self.solution.problem.parameters))
         J[:, : self.unknowns.rotation.stop] = by_pose(self.view, wse_m)[:, 0 if self.unknowns.position else 3:]
