@@ -19,6 +19,7 @@ from stab_ros.io.outputs import check_output, completed
 from stab_ros.io.source import Picture, Source, open_source
 from stab_ros.io.velocity_csv import VelocityWriter
 from stab_ros.io.velocity_geojson import write_tracks
+from stab_ros.io.velocity_grid_netcdf import TimedGrid, write_grid_netcdf
 from stab_ros.io.velocity_netcdf import write_netcdf
 from stab_ros.jobs.pipeline import OnFrame
 from stab_ros.jobs.placed_recording import Placed, Recording, prepared
@@ -48,6 +49,7 @@ class Job(Placed):
     csv: Path | None = None
     tracks: Path | None = None
     netcdf: Path | None = None
+    netcdf_grid: Path | None = None
     html: Path | None = None
     force: bool = False
 
@@ -132,7 +134,7 @@ def velocity(job: Job, progress: Progress, compiling: Compiler = compile_kernels
         WorkError: the work could not be finished; the readable part remains under its `.partial` name.
     """
     for path, suffix in ((job.output, ".mcap"), (job.csv, ".csv"), (job.tracks, ".geojson"), (job.netcdf, ".nc"),
-                         (job.html, ".html")):
+                         (job.netcdf_grid, ".nc"), (job.html, ".html")):
         if path is not None:
             check_output(path, suffix, job.source, job.force)
     config, unit = stream_config(job.velocity_values), unit_of(job.velocity_values)
@@ -161,12 +163,15 @@ class _Outputs:
     table: VelocityWriter | None
     later: Mapping[str, Path]
     warnings: list[str]
+    grids: list[TimedGrid] = field(default_factory=list)
 
     def write(self, done: _Done) -> None:
         for measured in done.water:
             self.bag.write(done.picture, self.messages.of(measured))
             if self.table is not None:
                 self.table.write(measured.vectors)
+            if "netcdf_grid" in self.later:
+                self.grids.append(TimedGrid(measured.stamp_ns, measured.wse_m, self.messages.grid_of(measured)))
 
     def finish(self, result: Velocities, work: VelocityWork) -> None:
         vectors, frame = result.vectors, work.local_frame
@@ -174,6 +179,8 @@ class _Outputs:
             write_tracks(self.later["tracks"], vectors, result.wse_m, frame)
         if "netcdf" in self.later:
             write_netcdf(self.later["netcdf"], vectors, result.wse_m, frame)
+        if "netcdf_grid" in self.later:
+            write_grid_netcdf(self.later["netcdf_grid"], self.grids, result.unit, frame)
         if "html" in self.later:
             write_velocity_page(self.later["html"], _measurement(result, work))
 
@@ -190,7 +197,8 @@ def _outputs(job: Job, source: Source, work: VelocityWork) -> Iterator[_Outputs]
     with ExitStack() as stack:
         writer = stack.enter_context(BagWriter(job.output, overwrite=job.force))
         later = {name: stack.enter_context(completed(path)) for name, path in (
-            ("tracks", job.tracks), ("netcdf", job.netcdf), ("html", job.html)) if path is not None}
+            ("tracks", job.tracks), ("netcdf", job.netcdf), ("netcdf_grid", job.netcdf_grid),
+            ("html", job.html)) if path is not None}
         table_path = stack.enter_context(completed(job.csv)) if job.csv else None
         bag = VelocityBag(writer, source)
         table = stack.enter_context(VelocityWriter(table_path, work.unit)) if table_path else None

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from conftest import Command
+from scipy.io import netcdf_file
 
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.pose import Pose
 from stab_ros.io.bag import open_bag
 from stab_ros.io.camera_file import CameraFile, write_camera_file
+from stab_ros.io.point_cloud import read_cloud
 from stab_ros.io.velocity_csv import read_velocities
 from stab_ros.io.velocity_message import read_velocity
 
@@ -24,7 +27,8 @@ def measured(recordings: dict[str, Path], executable: Command, tmp_path_factory:
     """A folder with every output of a flight whose reference has 2 cm per pixel."""
     folder = tmp_path_factory.mktemp("velocity")
     done = executable("velocity", recordings["mcap"], folder / "V.mcap", "--csv", folder / "V.csv", "--tracks",
-                      folder / "T.geojson", "--netcdf", folder / "V.nc", "--html", folder / "V.html", "-p",
+                      folder / "T.geojson", "--netcdf", folder / "V.nc", "--netcdf-grid",
+                      folder / "G.nc", "--html", folder / "V.html", "-p",
                       "gsd_m:=0.02", *SHORT)
     assert done.returncode == 0, done.stderr
     assert "m/s" in done.stdout
@@ -39,6 +43,25 @@ def test_outputs_tell_the_same(measured: Path) -> None:
     np.testing.assert_array_equal(np.concatenate([part.start_m for part in parts]), table.start_m)
     np.testing.assert_array_equal(np.concatenate([part.shared for part in parts]), table.shared)
     assert len(json.loads((measured / "T.geojson").read_text())["features"]) == len(table) > 0
+
+
+def test_grid_is_that_of_the_topic(measured: Path) -> None:
+    with open_bag(measured / "V.mcap") as bag:
+        clouds = [read_cloud(message.data) for message in bag.messages(["/cam/velocity_grid"])]
+    opened: Any = netcdf_file(measured / "G.nc", "r", mmap=False)
+    with opened as file:
+        read = {name: file.variables[name][:] for name in ("x", "y", "time", "vx", "var_vy", "standard_error", "count")}
+        first_ns = int(file.first_stamp_ns)
+    stamps_s = [(header.stamp_ns - first_ns) / 1e9 for header, _ in clouds]
+    np.testing.assert_allclose(read["time"], stamps_s, atol=1e-9)
+    assert len(clouds) > 1
+    for number, (_, table) in enumerate(clouds):
+        column, row = (np.argmin(np.abs(table[axis][:, None] - read[axis]), axis=1) for axis in "xy")
+        np.testing.assert_allclose(read["x"][column], table["x"], atol=1e-9)
+        for name in ("vx", "var_vy", "standard_error", "count"):
+            np.testing.assert_array_equal(read[name][number, row, column], table[name])
+        assert read["count"][number].sum() == table["count"].sum()
+        np.testing.assert_array_equal(np.isnan(read["vx"][number]), read["count"][number] == 0)
 
 
 def test_page_tells_of_the_bank(measured: Path) -> None:
