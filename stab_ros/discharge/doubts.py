@@ -18,10 +18,9 @@ _DIFFERS_SIGMAS, _DIFFERS_M = 3.0, 0.05  # from which two water levels contradic
 
 
 def looks_like_depths(heights_m: FloatArray) -> bool:
-    """Whether heights along a section look like depths: none below 0, shores near 0, and more between them."""
-    ends = max(abs(float(heights_m[0])), abs(float(heights_m[-1])))
-    return bool(len(heights_m) > 2 and (heights_m >= 0).all() and heights_m.max() > 0
-                and ends <= 0.2 * float(heights_m.max()))
+    """Whether heights along a section look like depths: shores near 0, if below it, and more between them."""
+    ends, most = max(abs(float(heights_m[0])), abs(float(heights_m[-1]))), float(heights_m.max())
+    return bool(len(heights_m) > 2 and most > 0 and ends <= 0.2 * most and float(heights_m.min()) >= -0.2 * most)
 
 
 def looks_like_elevations(depths_m: FloatArray) -> bool:

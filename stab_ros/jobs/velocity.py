@@ -14,6 +14,7 @@ import numpy as np
 from stab_ros.core.kernels import Compiler, compile_kernels
 from stab_ros.core.progress import Progress
 from stab_ros.core.settings import Value
+from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.io.bag import BagWriter, Message
 from stab_ros.io.outputs import check_output, completed
 from stab_ros.io.source import Picture, Source, open_source
@@ -165,8 +166,9 @@ class _Outputs:
     warnings: list[str]
     grids: list[TimedGrid] = field(default_factory=list)
 
-    def write(self, done: _Done) -> None:
+    def write(self, done: _Done, origin: LocalFrame | None) -> None:
         for measured in done.water:
+            self.bag.write_once(done.picture, measured, origin)
             self.bag.write(done.picture, self.messages.of(measured))
             if self.table is not None:
                 self.table.write(measured.vectors)
@@ -221,7 +223,7 @@ def _run(job: Job, source: Source, work: VelocityWork, outputs: _Outputs, progre
         for measured in item.water:
             result.measured(measured, work.of_water(measured))
         result.bank_parts += item.bank
-        outputs.write(item)
+        outputs.write(item, work.local_frame if work.unit == "m" else None)
         progress(result.frames)
 
     def measure(item: Picture | Message) -> None:

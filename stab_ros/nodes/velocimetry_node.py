@@ -12,6 +12,7 @@ from stab_ros.core.settings import Value
 from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
 from stab_ros.io.cdr import SECOND_NS
 from stab_ros.io.georeference_messages import georeference_values as values_of
+from stab_ros.io.georeference_messages import origin_cdr
 from stab_ros.io.static_maps import read_static_map
 from stab_ros.io.topics import VELOCITY_TOPIC
 from stab_ros.nodes import params
@@ -113,9 +114,16 @@ class VelocimetryNode(PlacingNode):
         warnings = () if answer.placement is None else answer.placement.warnings
         values, latency_ns = values_of(answer, self.status.orientation), time.time_ns() - asked.source_ns
         self.status.on_result(Result(answer.frame.stamp_ns, answer.reason, warnings, values, latency_ns))
+        self._send_origin(answer, engine)
         self._held.append(_Answered(answer, asked, engine))
         if not self._waits_for_map:
             self._release()
+
+    def _send_origin(self, answer: Georeferenced, engine: Georeferencer) -> None:
+        """Where the map is on the Earth, once it is known; it stays there, whatever becomes of the engine."""
+        if self._unit == "m" and self.placer.origin is None and engine.local_frame is not None:
+            self.placer.origin = engine.local_frame
+            self.outputs.send_origin(origin_cdr(answer, engine.local_frame))
 
     # the static map --------------------------------------------------------------------------------------------------
     @property

@@ -11,13 +11,16 @@ import pytest
 from conftest import Command
 from scipy.io import netcdf_file
 
+from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.pose import Pose
 from stab_ros.io.bag import open_bag
 from stab_ros.io.camera_file import CameraFile, write_camera_file
+from stab_ros.io.fix_message import read_fix
 from stab_ros.io.point_cloud import read_cloud
 from stab_ros.io.velocity_csv import read_velocities
 from stab_ros.io.velocity_message import read_velocity
+from stab_ros.jobs.discharge_input import read_measured
 
 SHORT = ("-p", "extract_s:=0.2", "-p", "max_gap_s:=1.0", "-p", "features:=200")
 
@@ -29,7 +32,7 @@ def measured(recordings: dict[str, Path], executable: Command, tmp_path_factory:
     done = executable("velocity", recordings["mcap"], folder / "V.mcap", "--csv", folder / "V.csv", "--tracks",
                       folder / "T.geojson", "--netcdf", folder / "V.nc", "--netcdf-grid",
                       folder / "G.nc", "--html", folder / "V.html", "-p",
-                      "gsd_m:=0.02", *SHORT)
+                      "gsd_m:=0.02", "-p", "origin:=46.1, 7.2, 300", *SHORT)
     assert done.returncode == 0, done.stderr
     assert "m/s" in done.stdout
     return folder
@@ -62,6 +65,14 @@ def test_grid_is_that_of_the_topic(measured: Path) -> None:
             np.testing.assert_array_equal(read[name][number, row, column], table[name])
         assert read["count"][number].sum() == table["count"].sum()
         np.testing.assert_array_equal(np.isnan(read["vx"][number]), read["count"][number] == 0)
+
+
+def test_origin_of_the_map_is_told(measured: Path) -> None:
+    """`discharge` takes a section in a reference system by it."""
+    with open_bag(measured / "V.mcap") as bag:
+        (origin,) = [read_fix(one.data) for one in bag.messages(["/cam/velocimetry_node/origin"])]
+    assert (origin.latitude_deg, origin.longitude_deg, origin.height_m) == (46.1, 7.2, 300.0)
+    assert read_measured(measured / "V.mcap").origin == LocalFrame(46.1, 7.2, 300.0)
 
 
 def test_page_tells_of_the_bank(measured: Path) -> None:
