@@ -11,7 +11,7 @@ from rclpy.qos import QoSProfile
 from stab_ros.core.settings import Value, settings_of
 from stab_ros.discharge.doubts import surface_doubts
 from stab_ros.discharge.running import Reading, RunningDischarge
-from stab_ros.discharge.settings import DischargeConfig
+from stab_ros.discharge.settings import DischargeConfig, RunningConfig
 from stab_ros.georeferencing.level_doubts import silent_level
 from stab_ros.io.cdr import SECOND_NS, Header
 from stab_ros.io.discharge_message import discharge_cdr
@@ -96,6 +96,7 @@ class DischargeNode(StabNode):
     # input -----------------------------------------------------------------------------------------------------------
     def on_velocity(self, header: Header, vectors: Vectors, surface_m: float | None) -> None:
         """See `DischargeCallbacks`."""
+        self._tell_of_step(header.stamp_ns - self._newest_ns)
         self._newest_ns = header.stamp_ns
         self.status.on_velocity(header.stamp_ns, len(vectors), self.free.ns)
         with self._failures:
@@ -103,6 +104,17 @@ class DischargeNode(StabNode):
             self._set_level(self._levels.advance(header.stamp_ns))
             if reading is not None:
                 self._tell(self._with_surface(reading, surface_m), header)
+
+    def _tell_of_step(self, step_ns: int) -> None:
+        """Stamps that go back are said: a recording in a loop that is shorter than every_s makes no discharge."""
+        if step_ns < 0:
+            self._warn("back", f"stamps of velocities went back by {-step_ns / SECOND_NS:.1f} s; a discharge needs "
+                       f"{float(self._values.get('every_s', RunningConfig.every_s)):g} s of them (every_s)")
+
+    def _warn(self, kind: str, text: str) -> None:
+        """In the next report, and throttled in the log."""
+        self.status.warn(kind, text)
+        self._warnings.log(kind, text)
 
     def _with_surface(self, reading: Reading, surface_m: float | None) -> Reading:
         """With a warning where the last velocities lie on another water surface."""
@@ -128,9 +140,7 @@ class DischargeNode(StabNode):
     def on_unusable(self, topic: str, text: str) -> None:
         """See `DischargeCallbacks`."""
         self.status.count("messages_refused")
-        said = f"refused a message: {topic}: {text}"
-        self.status.warn(f"unusable {topic}", said)
-        self._warnings.log(topic, said)
+        self._warn(f"unusable {topic}", f"refused a message: {topic}: {text}")
 
     # diagnostics and parameters --------------------------------------------------------------------------------------
     def _report(self) -> None:

@@ -138,6 +138,7 @@ def test_a_level_without_a_stamp_holds_when_stamps_begin_anew(graph: Graph, tmp_
     for _ in range(2):
         stream.flow(range(32))
     assert [one["reason"] for one in stream.discharges(6)] == [""] * 6
+    stream.report("stamps of velocities went back by 31.0 s; a discharge needs 10 s of them (every_s)")
 
 
 def test_a_section_beside_the_water_and_half_a_section_are_said(graph: Graph, tmp_path: Path) -> None:
