@@ -261,6 +261,9 @@ def _said(source: Source, work: VelocityWork, result: Velocities) -> list[str]:
     if not len(result.vectors):
         said.append(f"{source.name}: not one vector was measured in {result.intervals} intervals; the water may show "
                     "no texture, or extract_s is longer than the recording")
+    if not (work.bank_known or work.area_given):
+        said.append(f"{source.name}: no static map tells ground from water, so velocities are measured everywhere, on "
+                    "the bank, too; roi, exclude or static_map must say where the water is")
     bank = result.bank
     if bank.at_rest is False:
         said.append(f"{source.name}: the bank moves by {told(bank, result.unit)}; the frames do not lie still, and "

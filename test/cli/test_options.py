@@ -59,6 +59,6 @@ def test_seconds_are_a_finite_number_not_below_0(text: str) -> None:
 
 
 def test_pairs_of_negative_numbers_belong_to_their_option() -> None:
-    words = ["discharge", "V.csv", "--from", "-16,-11.5", "--to=-16,3", "--origin", "-.5,7", "--wse", "-3", "-p", "a:=1"]
-    assert with_negative_pairs(words) == ["discharge", "V.csv", "--from=-16,-11.5", "--to=-16,3", "--origin=-.5,7",
+    words = ["discharge", "--from", "-16,-11.5", "--to=-16,3", "--origin", "-.5,7", "--wse", "-3", "-p", "a:=1"]
+    assert with_negative_pairs(words) == ["discharge", "--from=-16,-11.5", "--to=-16,3", "--origin=-.5,7",
                                           "--wse", "-3", "-p", "a:=1"]
