@@ -94,7 +94,8 @@ def test_a_water_level_is_missed_and_one_before_the_first_image_is_not_stale(
     write_camera_file(tmp_path / "camera.yaml", CameraFile(view, pose=pose, pose_covariance=1e-4 * np.eye(6)))
     reports: list[Any] = graph.listen(DiagnosticArray, "/diagnostics")
     graph.node.create_publisher(Float64, "/with/water_level", LATCHED).publish(Float64(data=0.5))
-    settings: dict[str, Any] = {"camera_file": str(tmp_path / "camera.yaml"), "origin": "46.1, 7.2, 300", "queue_depth": 0}
+    settings: dict[str, Any] = {"camera_file": str(tmp_path / "camera.yaml"), "origin": "46.1, 7.2, 300",
+                                "queue_depth": 0}
     nodes = {name: graph.start("velocimetry_node", name, orientation="stationary_gcps", **settings)
              for name in ("/without", "/with")}
     origins: list[Any] = graph.listen(NavSatFix, "/with/velocimetry_node/origin", LATCHED)
