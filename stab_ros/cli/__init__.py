@@ -30,7 +30,7 @@ from stab_ros.cli import (
     warm_up,
 )
 from stab_ros.cli.console import BAD_INPUT, BROKEN_OFF, INTERRUPTED, say, tell
-from stab_ros.cli.options import Parser
+from stab_ros.cli.options import Parser, with_negative_pairs
 from stab_ros.core.errors import InputError, StabRosError
 from stab_ros.core.memory import keep_freed_memory
 from stab_ros.core.version import __version__
@@ -42,7 +42,7 @@ _COMMANDS = (  # in the order of --help
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one command and returns its exit code; handles every error that is not a bug."""
-    options = _parser().parse_args(arguments)
+    options = _parser().parse_args(with_negative_pairs(sys.argv[1:] if arguments is None else arguments))
     keep_freed_memory()
     run: Callable[[argparse.Namespace], int] = options.run
     try:

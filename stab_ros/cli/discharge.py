@@ -50,7 +50,7 @@ def _add_place(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--crs", metavar="EPSG:nnnn", help="reference system of the section's places and of --from and "
                         "--to (default: the metres of the map)")
     parser.add_argument("--origin", type=pair, metavar="LAT,LON",
-                        help="origin of the map, for --crs (default: as recorded)")
+                        help="origin of the map, for --crs, where the recording does not tell it")
     heights = parser.add_mutually_exclusive_group()
     heights.add_argument("--elevation", dest="heights", action="store_const", const="elevation",
                          help="the heights of the section are elevations of the bed")

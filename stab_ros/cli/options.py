@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import re
+from collections.abc import Sequence
 from typing import Any, NoReturn
 
 import yaml
@@ -15,11 +16,25 @@ BAG = "an .mcap, a rosbag2 folder or a ROS 1 .bag"
 INPUT = "an .mcap, a rosbag2 folder, a ROS 1 .bag, a video or a folder of images"
 
 
+_NEGATIVE_PAIR = re.compile(r"-[\d.][^,]*,")
+
+
 class Parser(argparse.ArgumentParser):
     """A parser that reports a usage error in one line, exit code 2."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {one_line(message)}; see {self.prog} --help\n")
+
+
+def with_negative_pairs(words: Sequence[str]) -> list[str]:
+    """Words of a command line in which pairs as -12.5,-30 belong to the option before; argparse takes them for one."""
+    joined = list[str]()
+    for word in words:
+        if joined and joined[-1].startswith("--") and "=" not in joined[-1] and _NEGATIVE_PAIR.match(word):
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
 
 
 def command(commands: Any, name: str, does: str) -> argparse.ArgumentParser:

@@ -23,6 +23,8 @@ def add(commands: Any) -> None:
     parser.add_argument("--csv", type=Path, metavar="V.csv", help="write a table of the vectors")
     parser.add_argument("--tracks", type=Path, metavar="T.geojson", help="write the vectors as lines, for a GIS")
     parser.add_argument("--netcdf", type=Path, metavar="V.nc", help="write the vectors as NetCDF, by CF conventions")
+    parser.add_argument("--netcdf-grid", type=Path, metavar="G.nc",
+                        help="write velocity_grid of all intervals as NetCDF, by CF conventions")
     parser.add_argument("--html", type=Path, metavar="V.html", help="write a report page, one file")
     add_reading(parser)
     parser.set_defaults(run=run)
@@ -41,14 +43,14 @@ def run(options: argparse.Namespace) -> int:
     job = Job(
         options.input, options.output, georeference_values(values), tracker_values, image_topic=options.image_topic,
         telemetry=options.telemetry, limit=options.limit, fps=options.fps, clock=Clock(options.time),
-        velocity_values=values, csv=options.csv, tracks=options.tracks, netcdf=options.netcdf, html=options.html,
-        force=options.force)
+        velocity_values=values, csv=options.csv, tracks=options.tracks, netcdf=options.netcdf,
+        netcdf_grid=options.netcdf_grid, html=options.html, force=options.force)
     with quiet_libraries(), progress_bar("frames") as progress:
         result = velocity(job, progress, compile_shown)
     warn(result.warnings)
     _tell(result)
     for name, path in (("bag", job.output), ("vectors", job.csv), ("tracks", job.tracks), ("NetCDF", job.netcdf),
-                       ("report", job.html)):
+                       ("grid", job.netcdf_grid), ("report", job.html)):
         if path is not None:
             tell(f"{name + ':':13} {path}")
     return DONE

@@ -18,10 +18,9 @@ _DIFFERS_SIGMAS, _DIFFERS_M = 3.0, 0.05  # from which two water levels contradic
 
 
 def looks_like_depths(heights_m: FloatArray) -> bool:
-    """Whether heights along a section look like depths: none below 0, shores near 0, and more between them."""
-    ends = max(abs(float(heights_m[0])), abs(float(heights_m[-1])))
-    return bool(len(heights_m) > 2 and (heights_m >= 0).all() and heights_m.max() > 0
-                and ends <= 0.2 * float(heights_m.max()))
+    """Whether heights along a section look like depths: shores near 0, if below it, and more between them."""
+    ends, most = max(abs(float(heights_m[0])), abs(float(heights_m[-1]))), float(heights_m.max())
+    return bool(len(heights_m) > 2 and most > 0 and ends <= 0.2 * most and float(heights_m.min()) >= -0.2 * most)
 
 
 def looks_like_elevations(depths_m: FloatArray) -> bool:
@@ -49,7 +48,7 @@ def section_doubts(section: CrossSection, table: Verticals, wse_m: float) -> lis
                      "datum, and whether its heights are elevations or depths")
     if looks_like_depths(section.bed_m) and wse_m > 0:
         found.append("the elevations of the section rise from its ends to its middle, as depths do: if they are "
-                     "depths, say so (--depth)")
+                     "depths, their column must be named depth")
     return found
 
 

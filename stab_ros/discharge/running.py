@@ -110,6 +110,11 @@ class RunningDischarge:
     def _wse_m(self) -> float | None:
         return self._given_m if self._level is None else self._level[1]
 
+    @property
+    def has_level(self) -> bool:
+        """Whether a level has come, in place of `wse_m`."""
+        return self._level is not None
+
     def level_doubts(self, stamp_ns: int) -> tuple[str, ...]:
         """That there is no water level at a time, or only a stale one; in one line, if any."""
         if self._wse_m is None:

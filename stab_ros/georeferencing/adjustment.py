@@ -151,6 +151,12 @@ class Solution(Generic[P]):
         return self.cofactors * self.covering_variance
 
     @cached_property
+    def gain(self) -> FloatArray:
+        """(n, 2 N), by which whitened errors of all points change the parameters; 0 for those that were not used."""
+        rows = np.where(self.used[:, None, None], self.jacobian, 0)
+        return np.asarray(self.cofactors @ rows.reshape(-1, self.problem.parameters).T)
+
+    @cached_property
     def redundancies(self) -> FloatArray:
         """(N, 2, 2), the share of an error of each used point that shows in its own residual; of others I."""
         J = self.jacobian

@@ -130,10 +130,10 @@ class CameraFit:
 
     def spread_on(self, wse_m: float) -> tuple[Homography, FloatArray]:
         """`map_H_image`, and changes (8, n) of h00 .. h21 by one standard deviation of each of n independent errors."""
-        H, J = normalized(np.linalg.inv(self.view.image_H_map(wse_m))), self._derivative(wse_m)
+        H, J = normalized(np.linalg.inv(self.view.image_H_map(wse_m))), self.by_parameters(wse_m)
         return H, np.asarray(J @ factor(self.solution.covariance))
 
-    def _derivative(self, wse_m: float) -> FloatArray:
+    def by_parameters(self, wse_m: float) -> FloatArray:
         """(8, n) of `map_H_image` by the parameters; k1 is no part of it."""
         J = np.zeros((8, self.solution.problem.parameters))
         J[:, : self.unknowns.rotation.stop] = by_pose(self.view, wse_m)[:, 0 if self.unknowns.position else 3:]
@@ -208,7 +208,7 @@ def _check_told(points: ControlPoints, best: Solution[CameraProblem], others: li
         places = " and ".join(f"({e:.2f}, {n:.2f}, {u:.2f})" for e, n, u in
                               (view.pose.position_m for view in (best.problem.view, *alike)))
         raise InputError(f"the points fit cameras at {places} m equally well (mirror solutions): add a point, best off "
-                         "the plane of the others, or give the position of the camera (--position)")
+                         "the plane of the others, or fit the camera by stab-ros camera with its --position")
 
 
 def _check_count(count: int, unknowns: Unknowns) -> None:

@@ -2,25 +2,36 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.geometry import normalized
-from stab_ros.core.types import FloatArray, Gray, Homography
+from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography
 from stab_ros.georeferencing.camera_fit import CameraFit, fit_pose
 from stab_ros.georeferencing.control_points import ControlPoints
+from stab_ros.georeferencing.followed_error import followed_error
 from stab_ros.georeferencing.followed_points import PointFollower
 from stab_ros.georeferencing.gcp_fit import GcpFit
 from stab_ros.georeferencing.orientation import Answer, Unplaced
 from stab_ros.georeferencing.placement import Placement, Sighting
 from stab_ros.georeferencing.point_noise import PointNoise
+from stab_ros.georeferencing.posed import not_above
 from stab_ros.georeferencing.settings import GeoreferenceConfig
 from stab_ros.georeferencing.stationary_gcps import by_fit
 from stab_ros.imaging.view import View
 
 _LEAST_POINTS = 4  # one more than determine a pose, so that a wrong one shows
+
+
+@dataclass(frozen=True, eq=False)
+class _Followed:
+    """The fit to the points that are seen in a frame: seen, (N,) bool; tracking_px2, (n, 2, 2), of those n."""
+
+    fit: CameraFit
+    seen: BoolArray
+    tracking_px2: FloatArray
 
 
 class DynamicGcps:
@@ -57,18 +68,19 @@ class DynamicGcps:
             if usable < _LEAST_POINTS:
                 raise InputError(f"{usable} of {len(self._trusted)} control points have structure around them to be "
                                  f"followed by, it must be {_LEAST_POINTS}; mark others")
-            return by_fit(self._found, sighting.wse_m, sighting.wse_sigma_m, anew=True)
+            return by_fit(self._found, sighting.wse_m, sighting.wse_sigma_m)
         expected = self._follower.moved(sighting.gray, self._view.project(self._fit.points.map_m))
-        fit = self._fitted(self._follower, sighting.gray, expected, self._view)
-        if isinstance(fit, CameraFit) and len(fit.points) < self._trusted.sum():  # by the pose, hidden ones are found
-            fit = self._fitted(self._follower, sighting.gray, fit.view.project(self._fit.points.map_m), fit.view)
-        if isinstance(fit, Unplaced):
-            return fit
-        self._view = fit.view
+        followed = self._fitted(self._follower, sighting.gray, expected, self._view)
+        if isinstance(followed, _Followed) and followed.seen.sum() < self._trusted.sum():
+            view = followed.fit.view  # by which hidden points are found
+            followed = self._fitted(self._follower, sighting.gray, view.project(self._fit.points.map_m), view)
+        if isinstance(followed, Unplaced):
+            return followed
+        self._view = followed.fit.view
         self._follower.keep(sighting.gray)
-        return self._placed(fit, sighting)
+        return self._placed(followed, sighting)
 
-    def _fitted(self, follower: PointFollower, gray: Gray, expected_px: FloatArray, near: View) -> CameraFit | Unplaced:
+    def _fitted(self, follower: PointFollower, gray: Gray, expected_px: FloatArray, near: View) -> _Followed | Unplaced:
         """The pose by the points that are seen near where they are expected."""
         points = self._fit.points
         found = follower.find(gray, expected_px, _moved(self._fit.view, near, self._ground_m))
@@ -77,14 +89,19 @@ class DynamicGcps:
             return Unplaced(f"{seen.sum()} of {len(points)} control points are seen, it must be {_LEAST_POINTS}")
         there = ControlPoints(points.names, np.where(seen[:, None], found.pixels, 0), points.map_m).where(seen)
         try:
-            return fit_pose(there, self._found.camera, noise=self._noise, near=near)
+            fit = fit_pose(there, self._found.camera, noise=self._noise, near=near)
         except InputError as error:
             return Unplaced(str(error))
+        return _Followed(fit, seen, found.covariance_px2[seen])
 
-    def _placed(self, fit: CameraFit, sighting: Sighting) -> Answer:
+    def _placed(self, followed: _Followed, sighting: Sighting) -> Answer:
+        fit = followed.fit
+        if not fit.view.pose.position_m[2] > sighting.wse_m:
+            return not_above(fit.view.pose, sighting.wse_m)
+        error = followed_error(self._fit, fit, followed.seen, followed.tracking_px2, sighting.wse_m)
         hidden = tuple(name for name in self._fit.points.names if name not in fit.points.names)
         answer = by_fit(GcpFit(fit, self._found.camera, True, self._warnings(hidden, fit)), sighting.wse_m,
-                        sighting.wse_sigma_m, anew=True)
+                        sighting.wse_sigma_m, error)
         return replace(answer, rejected=(*hidden, *fit.wrong)) if isinstance(answer, Placement) else answer
 
     def _warnings(self, hidden: tuple[str, ...], fit: CameraFit) -> tuple[str, ...]:

@@ -121,6 +121,11 @@ def needs_sensors(config: GeoreferenceConfig) -> bool:
     return config.orientation == "dynamic_gps_imu"
 
 
+def needs_level(config: GeoreferenceConfig) -> bool:
+    """Whether the scale depends on the water surface elevation: not so where height or scale are those above it."""
+    return config.orientation not in ("stationary_nadir", "dynamic_stabilization")
+
+
 def numbers_of(name: str, text: str, count: int) -> tuple[float, ...]:
     """The finite numbers of a parameter, separated by commas.
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.gcp_fit import GcpFit
 from stab_ros.georeferencing.orientation import Answer
@@ -54,16 +52,15 @@ class StationaryPose:
         return with_movement(answer, sighting)
 
 
-def by_fit(found: GcpFit, wse_m: float, wse_sigma_m: float, *, anew: bool = False) -> Answer:
-    """The place of the frame that was fitted. anew: whether each frame has a fit of its own; else all share it."""
+def by_fit(found: GcpFit, wse_m: float, wse_sigma_m: float, error: PlaceError | None = None) -> Answer:
+    """The place of the frame that was fitted. error: of the fit, on the water; None: all frames share it."""
     pose, pose_covariance = None, None
     if found.pose is not None:
         pose, pose_covariance = found.pose
         if not pose.position_m[2] > wse_m:
             return placed(found.camera, pose, None, wse_m, wse_sigma_m, {})  # which says why it cannot be
     H, spread = found.on_plane(wse_m)
-    of_fit = PlaceError(spread @ spread.T, np.zeros((8, 0))) if anew else all_shared(spread)
-    error = of_fit.with_shared(wse_sigma_m * found.by_level(wse_m))
+    error = (all_shared(spread) if error is None else error).with_shared(wse_sigma_m * found.by_level(wse_m))
     answer = placement(found.camera, H, error, pose, pose_covariance, found.values, found.warnings)
     if not isinstance(answer, Placement):
         return answer

@@ -33,8 +33,12 @@ def ortho_info_cdr(answer: Georeferenced, camera: Camera | None) -> bytes:
 
 def origin_cdr(answer: Georeferenced, origin: LocalFrame) -> bytes:
     """NavSatFix of the origin of the map."""
-    return fix_cdr(Fix(answer.frame.stamp_ns, origin.latitude_deg, origin.longitude_deg, origin.height_m,
-                       frame_id=MAP_FRAME))
+    return origin_of_map_cdr(answer.frame.stamp_ns, origin)
+
+
+def origin_of_map_cdr(stamp_ns: int, origin: LocalFrame) -> bytes:
+    """NavSatFix of the origin of the map, as it is known at this stamp."""
+    return fix_cdr(Fix(stamp_ns, origin.latitude_deg, origin.longitude_deg, origin.height_m, frame_id=MAP_FRAME))
 
 
 def gcps_of_cdr(answer: Georeferenced, gcps: ControlPoints) -> bytes:

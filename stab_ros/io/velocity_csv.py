@@ -29,6 +29,8 @@ _KLT_IV = ("x_start_{0}", "y_start_{0}", "vx_{0}_s", "vy_{0}_s", "speed_{0}_s")
 _OWN = ("x_end_{0}", "y_end_{0}", "dt_s", "sigma_speed_{0}_s", "var_vx", "cov_vxvy", "var_vy")
 _WHOLE = ("start_ns", "end_ns", "track_id")
 _READ = ("x_start_{0}", "y_start_{0}", "x_end_{0}", "y_end_{0}", "var_vx", "cov_vxvy", "var_vy")
+_TOLD = ("vx_{0}_s", "vy_{0}_s")  # again by start, end and stamps, with which they must agree
+_AGREE = 1e-3  # relative, and m/s: of numbers that were rounded on their way
 _UNITS: tuple[Unit, ...] = ("m", "px")
 
 
@@ -106,17 +108,33 @@ def read_velocities(path: Path) -> Vectors:
             unit = next((unit for unit in _UNITS if _READ[0].format(unit) in names), _UNITS[0])
             common = [f"shared_{v}_{k}" for k in range(_common(names)) for v in ("vx", "vy")]
             file.seek(0)
-            rows = csv_rows(file, [*(name.format(unit) for name in _READ), *common, *_WHOLE])
+            told = [name for name in (one.format(unit) for one in _TOLD) if name in names]
+            rows = csv_rows(file, [*(name.format(unit) for name in _READ), *common, *told, *_WHOLE])
             missing = next(rows)[1]
             if missing:
                 raise InputError(f"{path}: no column {missing[0]}; it must be a table of velocities as stab-ros "
                                  "velocity writes it with --csv")
-            cells = [_numbers(path, line, row) for line, row in rows]
+            lines, cells = [], []
+            for line, row in rows:
+                lines.append(line)
+                cells.append(_numbers(path, line, row))
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; it must be a table of velocities (.csv)") from error
     except (ValueError, csv.Error) as error:  # ValueError: not UTF-8, or no possible name of a file
         raise InputError(f"{path}: not a table of velocities, as stab-ros velocity writes it with --csv") from error
-    return _vectors(path, cells, unit, len(common))
+    vectors = _vectors(path, cells, unit, len(common))
+    if len(told) == len(_TOLD):
+        _check_told(path, vectors, np.array([real[-2:] for real, _ in cells]).reshape(-1, 2), lines)
+    return vectors
+
+
+def _check_told(path: Path, vectors: Vectors, told_m_s: FloatArray, lines: Sequence[int]) -> None:
+    """Raises InputError where a table was changed in part: its velocities (n, 2) are not those of start and end."""
+    v = vectors.velocity_m_s
+    off = np.flatnonzero((np.abs(v - told_m_s) > _AGREE * (1 + np.abs(v))).any(axis=1)).tolist()
+    if off:
+        raise InputError(f"{path}: line {lines[off[0]]}{f' and {len(off) - 1} more' if off[1:] else ''}: vx and vy are "
+                         "not those of start, end and stamps, from which they are read; leave out or change whole rows")
 
 
 def _common(names: Sequence[str]) -> int:
@@ -135,7 +153,8 @@ def _numbers(path: Path, line: int, cells: Sequence[str]) -> tuple[list[float], 
 
 
 def _vectors(path: Path, rows: Sequence[tuple[list[float], list[int]]], unit: Unit, common: int) -> Vectors:
-    real: FloatArray = np.array([row for row, _ in rows], np.float64).reshape(-1, len(_READ) + common)
+    columns = len(_READ) + common
+    real: FloatArray = np.array([row[:columns] for row, _ in rows], np.float64).reshape(-1, columns)
     try:
         whole: IdArray = np.array([row for _, row in rows], np.int64).reshape(-1, len(_WHOLE))
         own = real[:, [4, 5, 5, 6]].reshape(-1, 2, 2)

@@ -12,6 +12,7 @@ from stab_ros.core.errors import MessageError
 from stab_ros.io.cdr import FLOAT64, POINT_STAMPED, deserialize, to_ns
 
 WATER_LEVEL_TYPES = (FLOAT64, POINT_STAMPED)
+NO_STAMP = 0  # of a level that does not say when it was measured
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from stab_ros.core.errors import InputError
 from stab_ros.discharge.doubts import surface_doubts
 from stab_ros.discharge.measure import measure
@@ -18,6 +20,7 @@ from stab_ros.jobs.discharge_input import Line, MeasuredVelocities, in_map, read
 from stab_ros.velocimetry.vectors import Vectors
 
 _NS = 1e9
+_ONE_PLACE_M = 0.1  # of origins that are typed with as many digits as needed
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,15 +83,28 @@ def discharge_from_files(job: DischargeJob) -> MeasuredDischarge:
     table = read_section(job.section)
     line = job.line
     if job.crs is not None:
-        table, line = in_map(table, line, job.crs, job.origin or measured.origin)
+        table, line = in_map(table, line, job.crs, measured.origin or job.origin)
     level = _level(job, measured)
     section, wse_m, said = section_of(job.section, table, line, job.heights, level.wse_m)
     try:
         found = measure(measured.vectors, section, wse_m, job.config)
     except InputError as error:
         raise InputError(f"{job.velocity}, {job.section}: {error}") from error
-    warnings = (*measured.warnings, *said, *level.warnings, *found.warnings)
+    warnings = (*measured.warnings, *_other_origin(job, measured.origin), *said, *level.warnings, *found.warnings)
     return MeasuredDischarge(job, found, measured.vectors, level.origin, level.wse_m is not None, warnings)
+
+
+def _other_origin(job: DischargeJob, recorded: LocalFrame | None) -> tuple[str, ...]:
+    """That the origin which is given is not that of the velocities."""
+    if job.origin is None or recorded is None:
+        return ()
+    given = np.array([[job.origin.latitude_deg, job.origin.longitude_deg, recorded.height_m]])
+    away_m = float(np.hypot(*recorded.from_geodetic(given)[0, :2]))
+    if away_m < _ONE_PLACE_M:
+        return ()
+    place = f"{recorded.latitude_deg:.8g},{recorded.longitude_deg:.8g}"
+    return (f"{job.velocity}: the origin that is given lies {away_m:.3g} m from that of its map, {place}, which is "
+            "taken",)
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from stab_ros.io.cdr import NAV_SAT_FIX, POINT_CLOUD2
 from stab_ros.io.fix_message import read_fix
 from stab_ros.io.georeference_messages import MAP_FRAME
 from stab_ros.io.section_file import Heights, SectionTable
-from stab_ros.io.topics import ORIGIN_TOPIC, WATER_LEVEL_TOPIC
+from stab_ros.io.topics import ORIGIN_TOPIC, VELOCIMETRY_NAME, WATER_LEVEL_TOPIC
 from stab_ros.io.velocity_csv import read_velocities
 from stab_ros.io.velocity_message import read_surface, read_velocity
 from stab_ros.io.water_level_message import WATER_LEVEL_TYPES, read_water_level
@@ -85,7 +85,14 @@ class _Gathered:
     parts: list[Vectors] = field(default_factory=list)
     used_wse_m: list[float] = field(default_factory=list)
     levels: list[tuple[int, float]] = field(default_factory=list)
-    origin: LocalFrame | None = None
+    origins: dict[str, LocalFrame] = field(default_factory=dict)  # by topic
+    moved: bool = False  # whether the origin of a topic changes
+
+    @property
+    def origin(self) -> LocalFrame | None:
+        """That of the node which measured, where there is one of another node, too."""
+        own = [frame for topic, frame in self.origins.items() if VELOCIMETRY_NAME in topic.split("/")]
+        return next(iter((*own, *self.origins.values())), None)
 
     def take(self, message: Message, msgtype: str) -> None:
         """Raises MessageError for a damaged message."""
@@ -95,7 +102,9 @@ class _Gathered:
             self.used_wse_m += [] if used_m is None else [used_m]
         elif msgtype == NAV_SAT_FIX:
             fix = read_fix(message.data)
-            self.origin = None if fix.fault else LocalFrame(fix.latitude_deg, fix.longitude_deg, fix.height_m)
+            if not fix.fault:
+                frame = LocalFrame(fix.latitude_deg, fix.longitude_deg, fix.height_m)
+                self.moved |= self.origins.setdefault(message.topic, frame) != frame
         else:
             level = read_water_level(message.data, msgtype, message.log_time_ns)
             self.levels += [] if level.fault else [(level.stamp_ns, level.wse_m)]
@@ -110,6 +119,9 @@ def _gathered(path: Path, bag: BagReader, velocity: Topic, others: list[Topic]) 
         except MessageError:
             damaged += 1
     said = [f"{path}: {damaged} messages could not be read"] if damaged else []
+    if found.moved:
+        raise InputError(f"{path}: the origin of its map changes, so its velocities are of several maps; measure the "
+                         "parts one by one")
     used_m = float(np.median(found.used_wse_m)) if found.used_wse_m else None
     try:
         return MeasuredVelocities(joined(found.parts), tuple(sorted(found.levels)), used_m, found.origin,
@@ -211,4 +223,4 @@ def _depth_doubts(path: Path, depth_m: FloatArray) -> list[str]:
     if not looks_like_elevations(depth_m):
         return []
     return [f"{path}: the depths are largest at its ends, or differ little for their size, as bed elevations do: if "
-            "they are elevations, say so (--elevation)"]
+            "they are elevations, their column must be named Z"]

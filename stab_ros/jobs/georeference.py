@@ -57,6 +57,7 @@ class Georeferencing:
     grid_size: tuple[int, int] | None = None
     resolution_m: float = 0.0
     first_ns: int | None = None  # stamp of the first frame
+    last_ns: int | None = None
     geotiffs: int = 0
     duration_s: float = 0.0
     warnings: tuple[str, ...] = ()
@@ -67,7 +68,8 @@ class Georeferencing:
 
     def add(self, answer: Georeferenced) -> None:
         self.frames += 1
-        self.first_ns = answer.frame.stamp_ns if self.first_ns is None else self.first_ns
+        self.last_ns = answer.frame.stamp_ns
+        self.first_ns = self.last_ns if self.first_ns is None else self.first_ns
         placement, grid = answer.placement, answer.grid
         if placement is None or grid is None:
             self.unplaced[answer.reason] += 1
@@ -100,7 +102,9 @@ def georeference(job: Job, progress: Progress, compiling: Compiler = compile_ker
             if not result.placed:
                 raise recording.nothing_placed(result.unplaced, result.first_ns)
         result.duration_s = time.monotonic() - started_s
-        result.warnings = (*outputs.warnings, *source.warnings, *recording.warnings, *_said(source, result))
+        of_level = () if result.first_ns is None or result.last_ns is None else recording.level_doubts(
+            result.first_ns, result.last_ns)
+        result.warnings = (*outputs.warnings, *source.warnings, *recording.warnings, *of_level, *_said(source, result))
     return result
 
 

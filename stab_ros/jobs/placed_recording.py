@@ -12,7 +12,8 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.settings import Value
 from stab_ros.core.types import Homography
 from stab_ros.georeferencing.georeferencer import Georeferencer
-from stab_ros.georeferencing.settings import GeoreferenceConfig, needs_motion, needs_sensors
+from stab_ros.georeferencing.level_doubts import LEVEL_TIMEOUT_S, missing_level, stale_level
+from stab_ros.georeferencing.settings import GeoreferenceConfig, needs_level, needs_motion, needs_sensors
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.cdr import CAMERA_INFO
 from stab_ros.io.sensors import Sensors, read_sensors
@@ -28,7 +29,7 @@ from stab_ros.jobs.motions import (
 )
 from stab_ros.jobs.pipeline import PictureTracker
 from stab_ros.jobs.sensor_feed import feed
-from stab_ros.parameters.engines import make_stabilizer
+from stab_ros.parameters.engines import make_stabilizer, tells_level
 from stab_ros.parameters.table import georeference_config
 
 # the engine for a camera, width and height of images as taken, and image_H_ref, as `make_georeferencer` takes them
@@ -80,6 +81,7 @@ class Recording:
     job: Placed
     name: str
     needs_motion: bool
+    needs_level: bool
     camera: Camera | None
     image_H_ref: Homography | None
     recorded: RecordedMotions | None
@@ -113,6 +115,17 @@ class Recording:
         return PictureTracker(make_stabilizer(job.tracker_values, camera), False, partial(
             read_again, job.source, job.image_topic, job.fps, job.clock, job.limit))
 
+    def level_doubts(self, first_ns: int, last_ns: int) -> list[str]:
+        """That there is no water level under the first frame, or a stale one under the last; in one line, if any."""
+        stamps_ns = [] if self.sensors is None else [level.stamp_ns for level in self.sensors.water_levels]
+        before = [stamp_ns for stamp_ns in stamps_ns if stamp_ns <= first_ns]
+        if not before and self.needs_level and not tells_level(self.job.values):
+            none = "no water_level is recorded" if not stamps_ns else (
+                f"the first water_level comes {(stamps_ns[0] - first_ns) / 1e9:.1f} s after the first frame")
+            return [f"{self.name}: {missing_level(GeoreferenceConfig.wse_m, none)}"]
+        age_s = (last_ns - max((stamp_ns for stamp_ns in stamps_ns if stamp_ns <= last_ns), default=last_ns)) / 1e9
+        return [f"{self.name}: {stale_level(age_s)}"] if age_s > LEVEL_TIMEOUT_S else []
+
     def nothing_placed(self, reasons: Counter[str], first_ns: int | None) -> InputError:
         """The error where not one frame is placed. first_ns: stamp of the first one."""
         reason, sensors = reasons.most_common(1)[0][0] if reasons else "there is no frame", self.sensors
@@ -138,12 +151,12 @@ def prepared(job: Placed, source: Source, config: GeoreferenceConfig | None = No
     damaged = 0 if recorded is None else recorded.damaged
     lost = f"{source.name}: {damaged} messages of homographies cannot be read, their frames are lost"
     warnings = (*((lost,) if damaged else ()), *(() if sensors is None else sensors.warnings))
-    moves = needs_motion(config)
+    needs = (needs_motion(config), needs_level(config))
     if stabilised:
         recorded = check_homographies(job.source, recorded)
-        return Recording(job, source.name, moves, recorded.camera, recorded.image_H_ref, recorded, sensors, warnings)
+        return Recording(job, source.name, *needs, recorded.camera, recorded.image_H_ref, recorded, sensors, warnings)
     camera = None if job.values.get("camera_file") else _camera_of(source, namespace)
-    return Recording(job, source.name, moves, camera, None, recorded, sensors, warnings)
+    return Recording(job, source.name, *needs, camera, None, recorded, sensors, warnings)
 
 
 def _sensors_of(job: Placed, config: GeoreferenceConfig) -> Sensors | None:

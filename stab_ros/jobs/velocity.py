@@ -14,14 +14,16 @@ import numpy as np
 from stab_ros.core.kernels import Compiler, compile_kernels
 from stab_ros.core.progress import Progress
 from stab_ros.core.settings import Value
+from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.io.bag import BagWriter, Message
 from stab_ros.io.outputs import check_output, completed
 from stab_ros.io.source import Picture, Source, open_source
 from stab_ros.io.velocity_csv import VelocityWriter
 from stab_ros.io.velocity_geojson import write_tracks
+from stab_ros.io.velocity_grid_netcdf import TimedGrid, write_grid_netcdf
 from stab_ros.io.velocity_netcdf import write_netcdf
 from stab_ros.jobs.pipeline import OnFrame
-from stab_ros.jobs.placed_recording import Placed, prepared
+from stab_ros.jobs.placed_recording import Placed, Recording, prepared
 from stab_ros.jobs.placing import PicturePlacer, PlacedPicture
 from stab_ros.jobs.stabilize import expected
 from stab_ros.jobs.stage import Stage
@@ -48,6 +50,7 @@ class Job(Placed):
     csv: Path | None = None
     tracks: Path | None = None
     netcdf: Path | None = None
+    netcdf_grid: Path | None = None
     html: Path | None = None
     force: bool = False
 
@@ -63,6 +66,7 @@ class Velocities:
     undecoded: Counter[str] = field(default_factory=Counter)
     intervals: int = 0
     first_ns: int | None = None
+    last_ns: int | None = None
     parts: list[Vectors] = field(default_factory=list)
     water_parts: list[Vectors] = field(default_factory=list)
     bank_parts: list[Measured] = field(default_factory=list)
@@ -94,7 +98,8 @@ class Velocities:
         """Takes what became of a frame."""
         answer = placed.answer
         self.frames += 1
-        self.first_ns = answer.frame.stamp_ns if self.first_ns is None else self.first_ns
+        self.last_ns = answer.frame.stamp_ns
+        self.first_ns = self.last_ns if self.first_ns is None else self.first_ns
         if answer.placement is None:
             self.unplaced[answer.reason] += 1
             return
@@ -130,7 +135,7 @@ def velocity(job: Job, progress: Progress, compiling: Compiler = compile_kernels
         WorkError: the work could not be finished; the readable part remains under its `.partial` name.
     """
     for path, suffix in ((job.output, ".mcap"), (job.csv, ".csv"), (job.tracks, ".geojson"), (job.netcdf, ".nc"),
-                         (job.html, ".html")):
+                         (job.netcdf_grid, ".nc"), (job.html, ".html")):
         if path is not None:
             check_output(path, suffix, job.source, job.force)
     config, unit = stream_config(job.velocity_values), unit_of(job.velocity_values)
@@ -144,7 +149,8 @@ def velocity(job: Job, progress: Progress, compiling: Compiler = compile_kernels
             if result.frames == result.unplaced.total():
                 raise recording.nothing_placed(result.unplaced, result.first_ns)
             result.duration_s = time.monotonic() - started_s
-            result.warnings = (*outputs.warnings, *source.warnings, *recording.warnings, *_said(source, work, result))
+            result.warnings = (*outputs.warnings, *source.warnings, *recording.warnings, *_of_level(recording, result),
+                               *_said(source, work, result))
             outputs.finish(result, work)
     return result
 
@@ -158,12 +164,16 @@ class _Outputs:
     table: VelocityWriter | None
     later: Mapping[str, Path]
     warnings: list[str]
+    grids: list[TimedGrid] = field(default_factory=list)
 
-    def write(self, done: _Done) -> None:
+    def write(self, done: _Done, origin: LocalFrame | None) -> None:
         for measured in done.water:
+            self.bag.write_once(done.picture, measured, origin)
             self.bag.write(done.picture, self.messages.of(measured))
             if self.table is not None:
                 self.table.write(measured.vectors)
+            if "netcdf_grid" in self.later:
+                self.grids.append(TimedGrid(measured.stamp_ns, measured.wse_m, self.messages.grid_of(measured)))
 
     def finish(self, result: Velocities, work: VelocityWork) -> None:
         vectors, frame = result.vectors, work.local_frame
@@ -171,6 +181,8 @@ class _Outputs:
             write_tracks(self.later["tracks"], vectors, result.wse_m, frame)
         if "netcdf" in self.later:
             write_netcdf(self.later["netcdf"], vectors, result.wse_m, frame)
+        if "netcdf_grid" in self.later:
+            write_grid_netcdf(self.later["netcdf_grid"], self.grids, result.unit, frame)
         if "html" in self.later:
             write_velocity_page(self.later["html"], _measurement(result, work))
 
@@ -187,7 +199,8 @@ def _outputs(job: Job, source: Source, work: VelocityWork) -> Iterator[_Outputs]
     with ExitStack() as stack:
         writer = stack.enter_context(BagWriter(job.output, overwrite=job.force))
         later = {name: stack.enter_context(completed(path)) for name, path in (
-            ("tracks", job.tracks), ("netcdf", job.netcdf), ("html", job.html)) if path is not None}
+            ("tracks", job.tracks), ("netcdf", job.netcdf), ("netcdf_grid", job.netcdf_grid),
+            ("html", job.html)) if path is not None}
         table_path = stack.enter_context(completed(job.csv)) if job.csv else None
         bag = VelocityBag(writer, source)
         table = stack.enter_context(VelocityWriter(table_path, work.unit)) if table_path else None
@@ -210,7 +223,7 @@ def _run(job: Job, source: Source, work: VelocityWork, outputs: _Outputs, progre
         for measured in item.water:
             result.measured(measured, work.of_water(measured))
         result.bank_parts += item.bank
-        outputs.write(item)
+        outputs.write(item, work.local_frame if work.unit == "m" else None)
         progress(result.frames)
 
     def measure(item: Picture | Message) -> None:
@@ -232,6 +245,12 @@ def _run(job: Job, source: Source, work: VelocityWork, outputs: _Outputs, progre
     return result
 
 
+def _of_level(recording: Recording, result: Velocities) -> list[str]:
+    if result.unit == "px" or result.first_ns is None or result.last_ns is None:
+        return []
+    return recording.level_doubts(result.first_ns, result.last_ns)
+
+
 def _said(source: Source, work: VelocityWork, result: Velocities) -> list[str]:
     """What is doubtful, and of how many frames."""
     said = list(work.doubts)
@@ -242,6 +261,9 @@ def _said(source: Source, work: VelocityWork, result: Velocities) -> list[str]:
     if not len(result.vectors):
         said.append(f"{source.name}: not one vector was measured in {result.intervals} intervals; the water may show "
                     "no texture, or extract_s is longer than the recording")
+    if not (work.bank_known or work.area_given):
+        said.append(f"{source.name}: no static map tells ground from water, so velocities are measured everywhere, on "
+                    "the bank, too; roi, exclude or static_map must say where the water is")
     bank = result.bank
     if bank.at_rest is False:
         said.append(f"{source.name}: the bank moves by {told(bank, result.unit)}; the frames do not lie still, and "

@@ -50,11 +50,15 @@ class VelocityMessages:
         self._cell_m = cell_m
         self._longest_m_s = 0.0  # so far
 
-    def of(self, measured: Measured) -> IntervalMessages:
-        """The messages of the next interval."""
+    def grid_of(self, measured: Measured) -> VelocityGrid:
+        """The velocities of the next interval on the grid."""
         if not self._cell_m and len(measured.vectors):
             self._cell_m = side_for(measured.vectors)
-        grid, header = on_grid(measured.vectors, self._cell_m or 1.0), velocity_header(measured)
+        return on_grid(measured.vectors, self._cell_m or 1.0)
+
+    def of(self, measured: Measured) -> IntervalMessages:
+        """The messages of the next interval."""
+        grid, header = self.grid_of(measured), velocity_header(measured)
         return IntervalMessages(velocity_cdr(measured.vectors, measured.wse_m, header),
                                 velocity_grid_cdr(grid, measured.wse_m, header), self._arrows(grid, measured, header))
 

@@ -67,6 +67,11 @@ class VelocityWork:
         """Whether a static map tells where the bank is."""
         return self._ground is not None
 
+    @property
+    def area_given(self) -> bool:
+        """Whether parameters say where velocities are wanted."""
+        return any(self._values.get(name) for name in ("roi", "exclude", "lines"))
+
     def begin(self, size: tuple[int, int]) -> Work:
         """The engines for images of this width and height.
 

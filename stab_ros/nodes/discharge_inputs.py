@@ -13,12 +13,10 @@ from stab_ros.io.cdr import Header
 from stab_ros.io.georeference_messages import MAP_FRAME
 from stab_ros.io.topics import VELOCITY_TOPIC, WATER_LEVEL_TOPIC
 from stab_ros.io.velocity_message import read_surface, read_velocity
-from stab_ros.io.water_level_message import WaterLevel, read_water_level
+from stab_ros.io.water_level_message import NO_STAMP, WaterLevel, read_water_level
 from stab_ros.nodes.graph_subscription import GraphSubscription
 from stab_ros.nodes.sensor_inputs import LEVEL_CLASSES
 from stab_ros.velocimetry.vectors import Vectors
-
-NO_STAMP = 0  # of a level
 
 
 class DischargeCallbacks(Protocol):
@@ -40,17 +38,17 @@ class DischargeInputs:
     def __init__(self, node: Node, water_level_type: str, callbacks: DischargeCallbacks) -> None:
         self._callbacks = callbacks
         self.velocity = GraphSubscription(node, VELOCITY_TOPIC, [PointCloud2], self._on_velocity)
-        self._level = GraphSubscription(node, WATER_LEVEL_TOPIC, LEVEL_CLASSES[water_level_type], self._on_level)
+        self.level = GraphSubscription(node, WATER_LEVEL_TOPIC, LEVEL_CLASSES[water_level_type], self._on_level)
 
     @property
     def faults(self) -> dict[str, str]:
         """What is wrong with the publishers, by topic."""
-        return {one.topic: one.fault for one in (self.velocity, self._level) if one.fault}
+        return {one.topic: one.fault for one in (self.velocity, self.level) if one.fault}
 
     def refresh(self) -> None:
         """Follows the publishers."""
         self.velocity.refresh()
-        self._level.refresh()
+        self.level.refresh()
 
     def _on_velocity(self, cdr: bytes, _msgtype: str) -> None:
         try:
@@ -65,9 +63,9 @@ class DischargeInputs:
         try:
             level = read_water_level(cdr, msgtype, NO_STAMP)
         except MessageError as error:
-            self._callbacks.on_unusable(self._level.topic, str(error))
+            self._callbacks.on_unusable(self.level.topic, str(error))
             return
         if level.fault:
-            self._callbacks.on_unusable(self._level.topic, level.fault)
+            self._callbacks.on_unusable(self.level.topic, level.fault)
         else:
             self._callbacks.on_water_level(level)

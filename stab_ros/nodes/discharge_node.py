@@ -11,7 +11,8 @@ from rclpy.qos import QoSProfile
 from stab_ros.core.settings import Value, settings_of
 from stab_ros.discharge.doubts import surface_doubts
 from stab_ros.discharge.running import Reading, RunningDischarge
-from stab_ros.discharge.settings import DischargeConfig
+from stab_ros.discharge.settings import DischargeConfig, RunningConfig
+from stab_ros.georeferencing.level_doubts import silent_level
 from stab_ros.io.cdr import SECOND_NS, Header
 from stab_ros.io.discharge_message import discharge_cdr
 from stab_ros.io.topics import DISCHARGE_TOPIC
@@ -19,9 +20,10 @@ from stab_ros.io.water_level_message import WaterLevel
 from stab_ros.jobs.placed_section import placed_section
 from stab_ros.nodes import params
 from stab_ros.nodes.cdr_publisher import CdrPublisher
-from stab_ros.nodes.discharge_inputs import NO_STAMP, DischargeInputs
+from stab_ros.nodes.discharge_inputs import DischargeInputs
 from stab_ros.nodes.discharge_status import DischargeStatus
 from stab_ros.nodes.failures import Failures
+from stab_ros.nodes.level_stamps import LevelStamps
 from stab_ros.nodes.runtime import StabNode
 from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.throttled_warnings import ThrottledWarnings
@@ -50,8 +52,9 @@ class DischargeNode(StabNode):
         wse_m = float(self._values["wse_m"]) if "wse_m" in self._values else None
         self._config = discharge_config(self._values)
         self._running = RunningDischarge(section, self._config, running_config(self._values), wse_m)
-        self._newest_ns: int | None = None  # stamp of the last velocities
-        self._early: WaterLevel | None = None  # a level without a stamp, before any velocities
+        self._given_m = wse_m
+        self._newest_ns = 0  # stamp of the last velocities; 0: none have come
+        self._levels = LevelStamps()
         self._inputs: DischargeInputs | None = None
         self._warnings, self._failures = ThrottledWarnings(self.get_logger()), Failures(self.get_logger())
         self.status = DischargeStatus(round(self.settings.stale_s * SECOND_NS), doubts)
@@ -93,14 +96,25 @@ class DischargeNode(StabNode):
     # input -----------------------------------------------------------------------------------------------------------
     def on_velocity(self, header: Header, vectors: Vectors, surface_m: float | None) -> None:
         """See `DischargeCallbacks`."""
-        self._newest_ns, early = header.stamp_ns, self._early
+        self._tell_of_step(header.stamp_ns - self._newest_ns)
+        self._newest_ns = header.stamp_ns
         self.status.on_velocity(header.stamp_ns, len(vectors), self.free.ns)
-        if early is not None:
-            self.on_water_level(early)
         with self._failures:
             reading = self._running.add(header.stamp_ns, vectors)
+            self._set_level(self._levels.advance(header.stamp_ns))
             if reading is not None:
                 self._tell(self._with_surface(reading, surface_m), header)
+
+    def _tell_of_step(self, step_ns: int) -> None:
+        """Stamps that go back are said: a recording in a loop that is shorter than every_s makes no discharge."""
+        if step_ns < 0:
+            self._warn("back", f"stamps of velocities went back by {-step_ns / SECOND_NS:.1f} s; a discharge needs "
+                       f"{float(self._values.get('every_s', RunningConfig.every_s)):g} s of them (every_s)")
+
+    def _warn(self, kind: str, text: str) -> None:
+        """In the next report, and throttled in the log."""
+        self.status.warn(kind, text)
+        self._warnings.log(kind, text)
 
     def _with_surface(self, reading: Reading, surface_m: float | None) -> Reading:
         """With a warning where the last velocities lie on another water surface."""
@@ -115,29 +129,44 @@ class DischargeNode(StabNode):
 
     def on_water_level(self, level: WaterLevel) -> None:
         """See `DischargeCallbacks`. A level without a stamp holds from the last velocities on, or from the first."""
-        if level.stamp_ns == NO_STAMP and self._newest_ns is None:
-            self._early = level
-            return
-        self._early = None
-        stamp_ns = self._newest_ns if level.stamp_ns == NO_STAMP and self._newest_ns is not None else level.stamp_ns
-        self._running.set_level(stamp_ns, level.wse_m)
-        self.status.on_level(stamp_ns)
+        self.status.count("water_levels")
+        self._set_level(self._levels.stamped(level))
+
+    def _set_level(self, level: WaterLevel | None) -> None:
+        if level is not None:
+            self._running.set_level(level.stamp_ns, level.wse_m)
+            self.status.on_level(level.stamp_ns)
 
     def on_unusable(self, topic: str, text: str) -> None:
         """See `DischargeCallbacks`."""
         self.status.count("messages_refused")
-        said = f"refused a message: {topic}: {text}"
-        self.status.warn(f"unusable {topic}", said)
-        self._warnings.log(topic, said)
+        self._warn(f"unusable {topic}", f"refused a message: {topic}: {text}")
 
     # diagnostics and parameters --------------------------------------------------------------------------------------
     def _report(self) -> None:
-        if self._newest_ns is not None:
-            self.status.level_doubts = self._running.level_doubts(self._newest_ns)
+        self.status.level_doubts = self._running.level_doubts(self._newest_ns)
+        self.status.level_missing, self.status.level_from = self._level_missing(), self._level_from()
+        if self.status.level_missing:
+            self._warnings.log("water level", self.status.level_missing)
         if self._failures.count > self.status.errors:
             self.status.errors = self._failures.count
             self.status.warn("internal", self._failures.last)
         self.publish_diagnostics(self.status.report(self.free.ns))
+
+    def _level_missing(self) -> str:
+        """Why no water level has come; "": one has, or none is asked for, as wse_m tells it."""
+        if self._running.has_level or self._inputs is None:
+            return ""
+        level = self._inputs.level
+        if self._given_m is not None:
+            return silent_level(level.topic, self._given_m) if level.publishers else ""
+        return f"{level.topic} has told no level yet" if level.publishers else f"nobody publishes {level.topic}"
+
+    def _level_from(self) -> str:
+        """Where the water level is from, for people."""
+        if self._running.has_level:
+            return "water_level"
+        return "" if self._given_m is None else "wse_m"
 
     def _change(self, changed: dict[str, Value]) -> None:
         """Other settings hold from the next discharge on."""

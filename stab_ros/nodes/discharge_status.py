@@ -22,6 +22,8 @@ class DischargeStatus:
         """doubts: of the section."""
         self.waiting_for = "velocities"
         self.level_doubts: tuple[str, ...] = ()  # until there is a reading, which has them among its own
+        self.level_missing = ""  # why none has come, where that is doubtful
+        self.level_from = ""  # "water_level", "wse_m", or "" for none
         self.faults: Mapping[str, str] = {}  # of publishers, by topic
         self.errors = 0
         self._doubts = doubts
@@ -40,9 +42,8 @@ class DischargeStatus:
         self.count("vectors_in", vectors)
 
     def on_level(self, stamp_ns: int) -> None:
-        """A water level that is taken."""
+        """From when the last water level holds."""
         self._level_ns = stamp_ns
-        self.count("water_levels")
 
     def on_reading(self, reading: Reading) -> None:
         """A discharge was due."""
@@ -62,7 +63,8 @@ class DischargeStatus:
         state, reading = self._state(free_ns), self._reading
         once, self._warnings = self._warnings, {}
         of_reading = self.level_doubts if reading is None else reading.warnings
-        warnings = [*self._doubts, *of_reading, *self.faults.values(), *once.values()]
+        missing = [self.level_missing] if self.level_missing else []
+        warnings = [*self._doubts, *of_reading, *missing, *self.faults.values(), *once.values()]
         level = _LEVELS.get(state, WARN)
         message = "; ".join([self._message(state, free_ns), *warnings])
         return DiagnosticStatus(max(level, WARN) if warnings else level, message, self._values(state))
@@ -92,5 +94,6 @@ class DischargeStatus:
             "stamp_ns": "" if self._reading is None else str(self._reading.stamp_ns),
             **{name: str(count) for name, count in self._counts.items()},
             "internal_errors": str(self.errors),
+            "water_level_from": self.level_from,
             "water_level_age_s": number(age_s),
         }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -17,7 +18,7 @@ from stab_ros.nodes.georeference_publishers import GeoreferencePublishers
 from stab_ros.nodes.georeference_status import GeoreferenceStatus, Result
 from stab_ros.nodes.placing_node import PlacingNode
 from stab_ros.nodes.spinner import Spinner
-from stab_ros.parameters.engines import check_georeference, make_georeferencer
+from stab_ros.parameters.engines import check_georeference, make_georeferencer, tells_level
 from stab_ros.parameters.node_settings import GeoreferenceSettings
 from stab_ros.parameters.table import GEOREFERENCE_PARAMETERS, georeference_config
 
@@ -30,6 +31,7 @@ class GeoreferenceNode(PlacingNode):
 
     def __init__(self) -> None:
         super().__init__("georeference_node")
+        wse_m = params.given(self, "wse_m")
         values = params.declare(self, {**GEOREFERENCE_PARAMETERS, **SETTINGS}, CHANGEABLE)
         params.warn_of_unknown(self, values)
         chosen: Any = {item.name: values.pop(item.name) for item in fields(GeoreferenceSettings)}
@@ -39,7 +41,7 @@ class GeoreferenceNode(PlacingNode):
         self._origin_said = False
         self._rejected: tuple[str, ...] | None = None  # control points, as the last message of them shows
         status = GeoreferenceStatus(config.orientation, round(self.settings.stale_s * SECOND_NS))
-        self.begin(values, config, status, make_georeferencer)
+        self.begin(values, config, status, make_georeferencer, _tells_level(values, wse_m is not None))
         self.outputs = GeoreferencePublishers(self, lossless=self.settings.queue_depth == 0)
         params.ParameterUpdates(self, GEOREFERENCE_PARAMETERS, self._change)
         self.create_steady_timer(1.0, self.report)
@@ -81,4 +83,10 @@ class GeoreferenceNode(PlacingNode):
         config = georeference_config(values)
         check_georeference(values)
         self.go_on_with(values, config)
+        self._level_given = _tells_level(values, self._level_given or "wse_m" in changed)
         self._rejected = None
+
+
+def _tells_level(values: Mapping[str, Value], given: bool) -> bool:
+    """Whether the water level is known without a topic. given: the parameter was, and is no default."""
+    return given or tells_level({name: value for name, value in values.items() if name != "wse_m"})

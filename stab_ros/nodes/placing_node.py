@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import TypeAlias
@@ -11,7 +12,8 @@ from stab_ros.core.kernels import Compilation, compile_kernels
 from stab_ros.core.settings import Value
 from stab_ros.core.timeline import Advance
 from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
-from stab_ros.georeferencing.settings import GeoreferenceConfig, needs_motion, needs_sensors
+from stab_ros.georeferencing.level_doubts import missing_level, silent_level, stale_level
+from stab_ros.georeferencing.settings import GeoreferenceConfig, needs_level, needs_motion, needs_sensors
 from stab_ros.io.attitude_message import Attitude
 from stab_ros.io.cdr import SECOND_NS
 from stab_ros.io.fix_message import Fix
@@ -24,6 +26,7 @@ from stab_ros.nodes.failures import Failures
 from stab_ros.nodes.frame_placer import Asked, FramePlacer, KnownCamera, MakeEngine, Taken
 from stab_ros.nodes.georeference_status import GeoreferenceStatus
 from stab_ros.nodes.image_input import ImageInput
+from stab_ros.nodes.level_stamps import LevelStamps
 from stab_ros.nodes.motion_input import MotionInput, Told
 from stab_ros.nodes.patience import Patience
 from stab_ros.nodes.runtime import StabNode
@@ -55,7 +58,7 @@ class PlacingNode(StabNode):
         super().__init__(name)
 
     def begin(self, values: Mapping[str, Value], config: GeoreferenceConfig, status: GeoreferenceStatus,
-              make_engine: MakeEngine) -> None:
+              make_engine: MakeEngine, level_given: bool) -> None:
         """Prepares all inputs.
 
         Args:
@@ -63,18 +66,20 @@ class PlacingNode(StabNode):
             config: of georeferencing.
             status: to count in.
             make_engine: of placing.
+            level_given: whether parameters tell a water level.
         """
         self.values, self._config, self.status = dict(values), config, status
+        self._level_given, self._levels = level_given, LevelStamps()
         self._stabilized = self.settings.input == STABILIZED_TOPIC
         self._camera_info = CameraInfoSubscription(self, self._use_camera) if self.takes_camera_info else None
         self._images = ImageInput(
             self, compressed=self.settings.image_transport == "compressed", keep_all=self.settings.queue_depth == 0,
             may_pass=self._knows_camera, take=self._on_image, dropped=self._on_dropped, topic=self.settings.input)
         self._motions: MotionInput | None = None
-        self._sensors = SensorInputs(self, self.settings, self, lambda: self._newest_ns)
+        self._sensors = SensorInputs(self, self.settings, self)
         self._frames: StampPairing[Taken, Told] = StampPairing(
             self.settings.backlog_mb * 1e6, lambda taken: taken.frame.image.nbytes)
-        self._newest_ns = -1  # stamp of the newest frame
+        self._newest_ns = -1  # stamp of the newest frame; -1: none has come
         self._resets = 0  # as far as they were said
         self._patience: dict[str, Patience] = {}  # with the topics that frames wait for
         self._warnings = ThrottledWarnings(self.get_logger())
@@ -118,6 +123,11 @@ class PlacingNode(StabNode):
     def takes_camera_info(self) -> bool:
         """Whether images wait for the calibration."""
         return self.settings.use_camera_info and not self.values.get("camera_file") and not self._stabilized
+
+    @property
+    def takes_level(self) -> bool:
+        """Whether frames lie on the water: not so where lengths are pixels."""
+        return True
 
     @property
     def takes_motion(self) -> bool:
@@ -190,6 +200,7 @@ class PlacingNode(StabNode):
         self._take_stamp(frame.stamp_ns)
         self.status.on_image(self.free.ns)
         self._newest_ns = frame.stamp_ns
+        self._tell_level(self._levels.advance(frame.stamp_ns))
         taken = Taken(frame, source_ns)
         if self.takes_motion:
             self._place(self._frames.ask(frame.stamp_ns, taken))
@@ -222,7 +233,11 @@ class PlacingNode(StabNode):
 
     def on_water_level(self, level: WaterLevel) -> None:
         """See `SensorCallbacks`."""
-        self._on_sample(WATER_LEVEL_TOPIC, level)
+        self._tell_level(self._levels.stamped(level))
+
+    def _tell_level(self, level: WaterLevel | None) -> None:
+        if level is not None:
+            self._on_sample(WATER_LEVEL_TOPIC, level)
 
     def on_unusable(self, topic: str, text: str) -> None:
         """See `SensorCallbacks`."""
@@ -307,11 +322,32 @@ class PlacingNode(StabNode):
             return False
         return camera.distorts and motions.camera is None
 
+    @property
+    def _level_doubts(self) -> tuple[str, ...]:
+        """That there is no water level under the newest frame, or a stale one; in one line, if any."""
+        if self._newest_ns < 0 or not self.takes_level:
+            return ()
+        age_s = (self._newest_ns - self.status.newest_ns(WATER_LEVEL_TOPIC)) / SECOND_NS
+        if math.isfinite(age_s):
+            return (stale_level(age_s),) if age_s > self.settings.water_level_timeout_s else ()
+        if self._sensors.level.publishers:
+            return (silent_level(self._sensors.level.topic, self._wse_m),)
+        needed = needs_level(self._config) and not self._level_given
+        return (missing_level(self._wse_m),) if needed else ()
+
+    @property
+    def _wse_m(self) -> float:
+        """That of the settings, m."""
+        return self._config.wse_m if self.placer.engine is None else self.placer.engine.wse_m
+
     def report(self) -> None:
         """Publishes /diagnostics."""
+        of_level = self._level_doubts
         self.status.before, self.status.unmade = self._images.before, self.placer.unmade
         of_engine = () if self.placer.engine is None else self.placer.engine.doubts
-        self.status.doubts = (*of_engine, *([_LENS] if self._lens_is_left else []))
+        self.status.doubts = (*of_engine, *([_LENS] if self._lens_is_left else []), *of_level)
+        for doubt in of_level:
+            self._warnings.log("water level", doubt)
         if self.failures.count > self.status.errors:
             self.status.errors = self.failures.count
             self.status.warn("internal", self.failures.last)

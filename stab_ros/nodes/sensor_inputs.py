@@ -14,7 +14,7 @@ from stab_ros.core.errors import MessageError
 from stab_ros.io.attitude_message import Attitude, read_attitude
 from stab_ros.io.fix_message import Fix, read_fix
 from stab_ros.io.topics import FIX_TOPIC, GIMBAL_TOPIC, IMU_TOPIC, WATER_LEVEL_TOPIC
-from stab_ros.io.water_level_message import WaterLevel, read_water_level
+from stab_ros.io.water_level_message import NO_STAMP, WaterLevel, read_water_level
 from stab_ros.nodes.graph_subscription import GraphSubscription, TypedCallback
 from stab_ros.parameters.node_settings import GeoreferenceSettings
 
@@ -32,7 +32,7 @@ class SensorCallbacks(Protocol):
         """An attitude without a fault."""
 
     def on_water_level(self, level: WaterLevel) -> None:
-        """A water level without a fault."""
+        """A water level without a fault; one without a stamp has NO_STAMP."""
 
     def on_unusable(self, topic: str, text: str) -> None:
         """A message that cannot be used, and why."""
@@ -52,12 +52,10 @@ _S = TypeVar("_S", bound=_Sample)
 class SensorInputs:
     """Subscribes to position and water level, and to the attitude when asked to."""
 
-    def __init__(self, node: Node, settings: GeoreferenceSettings, callbacks: SensorCallbacks,
-                 newest_ns: Callable[[], int]) -> None:
-        """newest_ns: the stamp of the newest frame: after it, a level without a stamp holds."""
-        self._node, self._settings, self._callbacks, self._newest_ns = node, settings, callbacks, newest_ns
+    def __init__(self, node: Node, settings: GeoreferenceSettings, callbacks: SensorCallbacks) -> None:
+        self._node, self._settings, self._callbacks = node, settings, callbacks
         self._fix = GraphSubscription(node, FIX_TOPIC, [NavSatFix], self._on_fix)
-        self._level = GraphSubscription(
+        self.level = GraphSubscription(
             node, WATER_LEVEL_TOPIC, LEVEL_CLASSES[settings.water_level_type], self._on_level)
         self._attitudes: dict[str, GraphSubscription] = {}
 
@@ -79,7 +77,7 @@ class SensorInputs:
 
     @property
     def _all(self) -> list[GraphSubscription]:
-        return [self._fix, self._level, *self._attitudes.values()]
+        return [self._fix, self.level, *self._attitudes.values()]
 
     def _on_fix(self, cdr: bytes, _msgtype: str) -> None:
         fix = self._usable(self._fix.topic, lambda: read_fix(cdr))
@@ -88,7 +86,7 @@ class SensorInputs:
             self._callbacks.on_fix(fix)
 
     def _on_level(self, cdr: bytes, msgtype: str) -> None:
-        level = self._usable(self._level.topic, lambda: read_water_level(cdr, msgtype, self._newest_ns() + 1))
+        level = self._usable(self.level.topic, lambda: read_water_level(cdr, msgtype, NO_STAMP))
         if level is not None:
             self._callbacks.on_water_level(level)
 

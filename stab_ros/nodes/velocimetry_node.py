@@ -12,6 +12,7 @@ from stab_ros.core.settings import Value
 from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
 from stab_ros.io.cdr import SECOND_NS
 from stab_ros.io.georeference_messages import georeference_values as values_of
+from stab_ros.io.georeference_messages import origin_cdr
 from stab_ros.io.static_maps import read_static_map
 from stab_ros.io.topics import VELOCITY_TOPIC
 from stab_ros.nodes import params
@@ -23,6 +24,7 @@ from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.static_map_input import StaticMapInput
 from stab_ros.nodes.velocimetry_publishers import VelocimetryPublishers
 from stab_ros.nodes.velocimetry_status import VelocimetryStatus
+from stab_ros.parameters.engines import tells_level
 from stab_ros.parameters.node_settings import VelocimetrySettings
 from stab_ros.parameters.table import OWN_VELOCITY_PARAMETERS, VELOCITY_PARAMETERS, velocity_table_with_preset
 from stab_ros.parameters.velocimeters import (
@@ -74,10 +76,9 @@ class VelocimetryNode(PlacingNode):
         self._water: Velocimeter | None = None
         self._bank: Velocimeter | None = None
         status = VelocimetryStatus(config.orientation if self._unit == "m" else "none",
-                                   round(self.settings.stale_s * SECOND_NS), self._unit,
-                                   self.settings.water_level_timeout_s)
+                                   round(self.settings.stale_s * SECOND_NS), self._unit)
         self._velocity_status = status
-        self.begin(values, config, status, make_placer)
+        self.begin(values, config, status, make_placer, tells_level(values))
         self._map: StaticMapInput | None = None
         if takes_map(values) and self.takes_motion:
             self._map = StaticMapInput(self, self._use_map, lambda text: self.on_unusable("", text))
@@ -97,6 +98,10 @@ class VelocimetryNode(PlacingNode):
         return self._unit == "m" and super().takes_camera_info
 
     @property
+    def takes_level(self) -> bool:
+        return self._unit == "m"
+
+    @property
     def subscribers(self) -> int:
         return self.outputs.velocity.subscribers
 
@@ -109,9 +114,16 @@ class VelocimetryNode(PlacingNode):
         warnings = () if answer.placement is None else answer.placement.warnings
         values, latency_ns = values_of(answer, self.status.orientation), time.time_ns() - asked.source_ns
         self.status.on_result(Result(answer.frame.stamp_ns, answer.reason, warnings, values, latency_ns))
+        self._send_origin(answer, engine)
         self._held.append(_Answered(answer, asked, engine))
         if not self._waits_for_map:
             self._release()
+
+    def _send_origin(self, answer: Georeferenced, engine: Georeferencer) -> None:
+        """Where the map is on the Earth, once it is known; it stays there, whatever becomes of the engine."""
+        if self._unit == "m" and self.placer.origin is None and engine.local_frame is not None:
+            self.placer.origin = engine.local_frame
+            self.outputs.send_origin(origin_cdr(answer, engine.local_frame))
 
     # the static map --------------------------------------------------------------------------------------------------
     @property

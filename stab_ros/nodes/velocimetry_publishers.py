@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from rclpy.qos import QoSProfile
-from sensor_msgs.msg import Image, PointCloud2
+from sensor_msgs.msg import Image, NavSatFix, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
-from stab_ros.io.topics import IMAGE_VELOCITY_TOPIC, MARKERS_TOPIC, VELOCITY_GRID_TOPIC, VELOCITY_TOPIC, private
+from stab_ros.io.topics import (
+    IMAGE_VELOCITY_TOPIC,
+    MARKERS_TOPIC,
+    ORIGIN_TOPIC,
+    VELOCITY_GRID_TOPIC,
+    VELOCITY_TOPIC,
+    private,
+)
 from stab_ros.jobs.velocity_messages import VelocityMessages, image_velocity_cdr
 from stab_ros.nodes.cdr_publisher import CdrPublisher
+from stab_ros.nodes.qos import LATCHED
 from stab_ros.nodes.runtime import StabNode
 from stab_ros.velocimetry.velocimeter import Measured
 
@@ -21,6 +29,7 @@ class VelocimetryPublishers:
         self._grid = CdrPublisher(node, PointCloud2, VELOCITY_GRID_TOPIC, QoSProfile(depth=100), lossless)
         self._markers = CdrPublisher(node, MarkerArray, private(MARKERS_TOPIC), QoSProfile(depth=10), lossless)
         self._image = CdrPublisher(node, Image, private(IMAGE_VELOCITY_TOPIC), QoSProfile(depth=1), lossless)
+        self._origin = CdrPublisher(node, NavSatFix, private(ORIGIN_TOPIC), LATCHED)
         self._messages = VelocityMessages(grid_m)
 
     def send(self, measured: Measured) -> None:
@@ -31,6 +40,10 @@ class VelocimetryPublishers:
         self._markers.send(messages.markers)
         if self._image.subscribers:
             self._image.send(image_velocity_cdr(measured))
+
+    def send_origin(self, cdr: bytes) -> None:
+        """The origin of the map, latched."""
+        self._origin.send(cdr)
 
     def flush(self) -> None:
         """Waits for the acknowledgements of the last results."""

@@ -7,7 +7,6 @@ from collections import deque
 import numpy as np
 
 from stab_ros.core.text import number
-from stab_ros.io.topics import WATER_LEVEL_TOPIC
 from stab_ros.nodes.georeference_status import GeoreferenceStatus
 from stab_ros.velocimetry.bank import BankVelocity
 from stab_ros.velocimetry.bank_over_time import bank_of, over_time, told
@@ -21,10 +20,9 @@ _BANK_INTERVALS = 10  # over which the bank is judged
 class VelocimetryStatus(GeoreferenceStatus):
     """Counts what becomes of images and of intervals."""
 
-    def __init__(self, orientation: str, stale_ns: int, unit: Unit, level_timeout_s: float) -> None:
-        """level_timeout_s: age of the water level above which it is said."""
+    def __init__(self, orientation: str, stale_ns: int, unit: Unit) -> None:
         super().__init__(orientation, stale_ns)
-        self._unit, self._level_timeout_s = unit, level_timeout_s
+        self._unit = unit
         self._intervals = self._vectors = 0
         self._last: Vectors | None = None
         self._bank: deque[BankVelocity] = deque(maxlen=_BANK_INTERVALS)
@@ -37,8 +35,6 @@ class VelocimetryStatus(GeoreferenceStatus):
         self._last, self._latency_ms = measured.vectors, latency_ns / 1e6
         if not len(measured.vectors):
             self.warn("no vectors", "the last interval has no vector: the water shows nothing that can be followed")
-        if self._unit == "m":
-            self._check_level(measured.stamp_ns)
 
     def on_bank(self, measured: Measured) -> None:
         """An interval of the bank."""
@@ -46,12 +42,6 @@ class VelocimetryStatus(GeoreferenceStatus):
         bank = over_time(self._bank)
         if bank.at_rest is False:
             self.warn("bank", f"the bank moves by {told(bank, self._unit)}; the frames do not lie still")
-
-    def _check_level(self, stamp_ns: int) -> None:
-        newest_ns = self.newest_ns(WATER_LEVEL_TOPIC)
-        age_s = (stamp_ns - newest_ns) / 1e9
-        if np.isfinite(age_s) and age_s > self._level_timeout_s:
-            self.warn("water level", f"water_level is {age_s:.0f} s old; if it has changed, the scale is wrong")
 
     def _values(self, state: str) -> dict[str, str]:
         last, unit = self._last, self._unit

@@ -116,6 +116,18 @@ def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size:
     return Georeferencer(config, known, orientation, sensors, image_H_ref, points, frame, doubts)
 
 
+def tells_level(values: Mapping[str, Value]) -> bool:
+    """Whether parameters that were given, or the file of the camera, tell the water surface elevation.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    name = str(values.get("camera_file", ""))
+    if "wse_m" in values or not name or name in profiles():
+        return "wse_m" in values
+    return read_camera_file(Path(name)).wse_m is not None
+
+
 def camera_of(values: Mapping[str, Value], size: tuple[int, int]) -> tuple[CameraFile | None, tuple[str, ...]]:
     """The camera that `camera_file` names, scaled to images of this size, and what is doubtful of it; None: none.
 

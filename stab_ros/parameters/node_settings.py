@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stab_ros.core.settings import Checked, setting
+from stab_ros.georeferencing.level_doubts import LEVEL_TIMEOUT_S
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,9 @@ class GeoreferenceSettings(Checked):
         1e6)
     wait_for_subscribers: int = setting(
         0, "Number of subscribers to ortho_info to wait for before taking images", 0, 1000)
+    water_level_timeout_s: float = setting(
+        LEVEL_TIMEOUT_S, "Age in seconds of the last water_level above which /diagnostics warns of it: the scale may "
+        "be wrong", 1.0, 1e6)
 
 
 @dataclass(frozen=True)
@@ -88,9 +92,6 @@ class VelocimetrySettings(GeoreferenceSettings):
         choices=("image_raw", "image_stabilized"))
     wait_for_subscribers: int = setting(
         0, "Number of subscribers to velocity to wait for before taking images", 0, 1000)
-    water_level_timeout_s: float = setting(
-        900.0, "Age in seconds of the last water_level above which /diagnostics warns of it: the scale may be wrong",
-        1.0, 1e6)
 
 
 @dataclass(frozen=True)

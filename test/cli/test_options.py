@@ -6,7 +6,7 @@ import argparse
 
 import pytest
 
-from stab_ros.cli.options import assignment, positive_float, positive_int, seconds
+from stab_ros.cli.options import assignment, positive_float, positive_int, seconds, with_negative_pairs
 
 
 @pytest.mark.parametrize(("text", "value"), [
@@ -56,3 +56,9 @@ def test_seconds_may_be_none_at_all() -> None:
 def test_seconds_are_a_finite_number_not_below_0(text: str) -> None:
     with pytest.raises(argparse.ArgumentTypeError):
         seconds(text)
+
+
+def test_pairs_of_negative_numbers_belong_to_their_option() -> None:
+    words = ["discharge", "--from", "-16,-11.5", "--to=-16,3", "--origin", "-.5,7", "--wse", "-3", "-p", "a:=1"]
+    assert with_negative_pairs(words) == ["discharge", "--from=-16,-11.5", "--to=-16,3", "--origin=-.5,7",
+                                          "--wse", "-3", "-p", "a:=1"]

@@ -10,6 +10,7 @@ from analytic_river import ALPHA, PROFILES, WIDTH_M, WSE_M, River, parabola_m
 
 from stab_ros.core.errors import InputError
 from stab_ros.discharge.cross_section import CrossSection, between
+from stab_ros.discharge.doubts import looks_like_depths
 from stab_ros.discharge.measure import measure
 from stab_ros.discharge.result import Discharge
 from stab_ros.discharge.settings import DischargeConfig
@@ -171,8 +172,15 @@ def test_too_few_or_no_vectors_and_pixels_make_no_discharge() -> None:
         measure(no_vectors("px"), RIVER.section(), WSE_M, QUICK)
 
 
+@pytest.mark.parametrize(("heights_m", "alike"), [
+    ([0, 0.5, 1.4, 0.3, 0], True), ([-0.05, 0.5, 1.4, 0.3, -0.1], True),  # points above the water at the shores
+    ([1.0, -0.5, -1.4, -0.3, 0.8], False), ([0.1, -1.0, -2.0, 0.05], False), ([0, -1.0, -2.0, 0], False)])
+def test_heights_that_look_like_depths(heights_m: list[float], alike: bool) -> None:
+    assert looks_like_depths(np.array(heights_m)) is alike
+
+
 def test_depths_taken_for_elevations_are_doubted() -> None:
     section = RIVER.section()
     as_depths = between(np.zeros(2), np.array([0.0, 1]), section.chainage_m[1:-1], WSE_M - section.bed_m[1:-1])
-    assert any("--depth" in warning for warning in of(section=as_depths, wse_m=WSE_M).warnings)
-    assert not any("--depth" in warning for warning in of().warnings)
+    assert any("must be named depth" in warning for warning in of(section=as_depths, wse_m=WSE_M).warnings)
+    assert not any("must be named depth" in warning for warning in of().warnings)

@@ -9,7 +9,7 @@ import pytest
 from ground_pictures import GroundPictures
 
 from stab_ros.core.errors import InputError
-from stab_ros.core.geometry import apply
+from stab_ros.core.geometry import apply, jacobian
 from stab_ros.core.types import FloatArray, Frame, Gray
 from stab_ros.georeferencing.control_points import ControlPoints
 from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
@@ -116,6 +116,26 @@ def test_dynamic_gcps(pitch_deg: float) -> None:
         assert _errors_m(answer, View(CAMERA, _pose(number, pitch_deg))).max() < WITHIN_M
         assert answer.placement is not None
         assert not answer.placement.warnings
+
+
+def test_dynamic_gcps_tells_what_frames_share() -> None:
+    """Marks are wrong by half a pixel in all frames alike; between frames, places move by the tracking alone."""
+    gcps = _marked(View(CAMERA, _pose(0, 60)), GCPS_M, 0.5)
+    engine, place_px = _engine(GeoreferenceConfig(orientation="dynamic_gcps"), gcps), np.array([[960.0, 700]])
+    answers = [engine.frame(frame) for frame in _frames(_pictures(60))]
+    columns, own, off, sigma = [], [], [], []
+    for number, answer in enumerate(answers):
+        assert answer.placement is not None
+        assert answer.placement.error is not None
+        J = jacobian(answer.placement.map_H_image, place_px)[0]
+        columns.append(J @ answer.placement.error.shared)
+        own.append(np.diag(J @ answer.placement.error.own @ J.T))
+        sigma.append(np.sqrt(np.diag(J @ answer.placement.error.covariance @ J.T)))
+        true_m = View(CAMERA, _pose(number, 60)).to_plane(place_px, 0.0)
+        off.append((apply(answer.placement.map_H_image, place_px) - true_m)[0])
+    between = np.sqrt(own[1:] + np.sum((np.array(columns[1:]) - columns[0]) ** 2, axis=2))
+    assert (between < 0.3 * np.array(sigma[1:])).all()
+    assert (np.abs(np.array(off[1:]) - off[0]) < 3 * between).all()
 
 
 def test_a_hidden_control_point_is_left_out_and_said() -> None:

@@ -76,6 +76,8 @@ def test_other_files_are_named(tmp_path: Path, text: str | bytes, what: str) -> 
     ("var_vx", "nan", "line 3 is not a row"),
     ("x_end_m", "abc", "line 3 is not a row"),
     ("end_ns", "1", "must end after its start"),
+    ("vx_m_s", "nan", "line 3 is not a row"),
+    ("vy_m_s", "0.9", "line 3: vx and vy are not those of start, end and stamps"),
     ("track_id", str(2**70), "not vectors"),
 ])
 def test_damaged_cells_are_named(tmp_path: Path, column: str, cell: str, what: str) -> None:

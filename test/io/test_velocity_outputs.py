@@ -13,13 +13,15 @@ from scipy.io import netcdf_file
 from sensor_msgs.msg import PointCloud2
 from velocities import random_vectors
 
-from stab_ros.core.errors import MessageError
+from stab_ros.core.errors import MessageError, WorkError
 from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.io.cdr import Header
 from stab_ros.io.point_cloud import cloud_cdr, read_cloud
 from stab_ros.io.velocity_geojson import write_tracks
+from stab_ros.io.velocity_grid_netcdf import TimedGrid, write_grid_netcdf
 from stab_ros.io.velocity_message import read_velocity, velocity_cdr
 from stab_ros.io.velocity_netcdf import write_netcdf
+from stab_ros.velocimetry.grid import on_grid
 from stab_ros.velocimetry.vectors import Vectors
 
 _HEADER = Header(3_000_000_007, "map")
@@ -95,6 +97,37 @@ def test_tracks_on_the_earth(tmp_path: Path) -> None:
     geodetic = np.column_stack([lines[:, 0, ::-1], np.full(6, 503.0)])
     assert kind == "WGS 84"
     np.testing.assert_allclose(frame.from_geodetic(geodetic)[:, :2], vectors.start_m, atol=1e-6)
+
+
+def test_grid_as_netcdf(tmp_path: Path) -> None:
+    """An interval without vectors is a time without numbers; places on the Earth are those of the cells."""
+    frame = LocalFrame(46.3, 7.5, 500.0)
+    grids = [TimedGrid(stamp_ns, 2.0, on_grid(random_vectors(n, seed=n), 2.0))
+             for stamp_ns, n in ((10**9, 40), (2 * 10**9, 0), (3 * 10**9 + 7, 9))]
+    write_grid_netcdf(tmp_path / "G.nc", grids, "m", frame)
+    opened: Any = netcdf_file(tmp_path / "G.nc", "r", mmap=False)
+    with opened as file:
+        assert file.variables["vx"].dimensions == ("time", "y", "x")
+        assert set(file.variables["vx"].coordinates.decode().split()) == {"z", "lat", "lon"}
+        assert [int(count.sum()) for count in file.variables["count"][:]] == [40, 0, 9]
+        assert np.isnan(file.variables["vx"][1]).all()
+        x, y = np.meshgrid(file.variables["x"][:], file.variables["y"][:])
+        earth = np.column_stack([file.variables["lat"][:].ravel(), file.variables["lon"][:].ravel(),
+                                 np.full(x.size, 502.0)])
+    np.testing.assert_allclose(frame.from_geodetic(earth)[:, :2], np.column_stack([x.ravel(), y.ravel()]), atol=1e-6)
+
+
+@pytest.mark.parametrize("grids", [[], [TimedGrid(10**9, 0.0, on_grid(random_vectors(0), 1.0))]])
+def test_grid_without_vectors(tmp_path: Path, grids: list[TimedGrid]) -> None:
+    write_grid_netcdf(tmp_path / "G.nc", grids, "px")
+    opened: Any = netcdf_file(tmp_path / "G.nc", "r", mmap=False)
+    with opened as file:
+        assert file.variables["count"][:].sum() == 0
+
+
+def test_a_huge_grid_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(WorkError, match="grid_m must be larger"):
+        write_grid_netcdf(tmp_path / "G.nc", [TimedGrid(1, 0.0, on_grid(random_vectors(9), 1e-4))], "m")
 
 
 @pytest.mark.parametrize("vectors", [random_vectors(6), random_vectors(6, 0, "px"), random_vectors(0)])

@@ -41,7 +41,8 @@ def survey(path: Path, header: str = "X,Y,Z", depths: bool = False) -> Path:
     return path
 
 
-def recording(path: Path, levels: list[tuple[int, float]], frame_id: str = "map", origin: LocalFrame | None = None
+def recording(path: Path, levels: list[tuple[int, float]], frame_id: str = "map", origin: LocalFrame | None = None,
+              others: tuple[LocalFrame, ...] = ()
               ) -> Path:
     """Velocities of seconds 100 to 103 and water levels, as a node records them."""
     with BagWriter(path) as bag:
@@ -49,8 +50,9 @@ def recording(path: Path, levels: list[tuple[int, float]], frame_id: str = "map"
         bag.add_topic(topic_of("/water_level", FLOAT64))
         if origin is not None:
             bag.add_topic(topic_of("/camera/georeference_node/origin", NAV_SAT_FIX))
-            fix = fix_cdr(Fix(0, origin.latitude_deg, origin.longitude_deg, origin.height_m))
-            bag.write("/camera/georeference_node/origin", 0, 0, fix)
+            for frame in (origin, *others):
+                fix = fix_cdr(Fix(0, frame.latitude_deg, frame.longitude_deg, frame.height_m))
+                bag.write("/camera/georeference_node/origin", 0, 0, fix)
         for second, wse_m in levels:
             bag.write("/water_level", second * NS, second * NS, serialize(ros.std_msgs__msg__Float64(wse_m), FLOAT64))
         for second in range(100, 103):
@@ -134,6 +136,13 @@ def test_a_section_of_a_survey_in_utm(tmp_path: Path, velocity: Path, capsys: py
     bag = recording(tmp_path / "v.mcap", [], origin=origin)
     assert main(["discharge", str(bag), *call[2:-1], str(tmp_path / "Q2.json"), "--crs", "EPSG:32632"]) == 0
     assert q_of(tmp_path / "Q2.json")["q_m3_s"] == pytest.approx(RIVER.discharge_m3_s(), rel=0.05)
+    call = ["discharge", str(bag), *call[2:-2], "--crs", "EPSG:32632"]
+    assert main([*call, "--origin", "46.2,7.2"]) == 0
+    assert "the origin that is given lies 1.11e+04 m from that of its map, 46.1,7.2, which is taken" in (
+        capsys.readouterr().err)
+    recording(tmp_path / "two.mcap", [], origin=origin, others=(LocalFrame(46.2, 7.2, 0.0),))
+    assert main(["discharge", str(tmp_path / "two.mcap"), *call[2:]]) == 2
+    assert "the origin of its map changes" in capsys.readouterr().err
 
 
 def test_a_rating_curve_grows(tmp_path: Path, velocity: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -172,7 +181,7 @@ def test_faults_are_one_line(velocity: Path, tmp_path: Path, capsys: pytest.Capt
 def test_elevations_given_as_depths_are_doubted(velocity: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
                                                 ) -> None:
     assert main(["discharge", str(velocity), str(survey(tmp_path / "S.csv")), "--depth"]) == 0
-    assert "--elevation" in capsys.readouterr().err
+    assert "must be named Z" in capsys.readouterr().err
 
 
 def test_pixels_and_recordings_without_velocities_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]

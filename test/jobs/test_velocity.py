@@ -4,14 +4,23 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from conftest import Command
+from scipy.io import netcdf_file
 
+from stab_ros.georeferencing.local_frame import LocalFrame
+from stab_ros.imaging.camera import Camera
+from stab_ros.imaging.pose import Pose
 from stab_ros.io.bag import open_bag
+from stab_ros.io.camera_file import CameraFile, write_camera_file
+from stab_ros.io.fix_message import read_fix
+from stab_ros.io.point_cloud import read_cloud
 from stab_ros.io.velocity_csv import read_velocities
 from stab_ros.io.velocity_message import read_velocity
+from stab_ros.jobs.discharge_input import read_measured
 
 SHORT = ("-p", "extract_s:=0.2", "-p", "max_gap_s:=1.0", "-p", "features:=200")
 
@@ -21,8 +30,9 @@ def measured(recordings: dict[str, Path], executable: Command, tmp_path_factory:
     """A folder with every output of a flight whose reference has 2 cm per pixel."""
     folder = tmp_path_factory.mktemp("velocity")
     done = executable("velocity", recordings["mcap"], folder / "V.mcap", "--csv", folder / "V.csv", "--tracks",
-                      folder / "T.geojson", "--netcdf", folder / "V.nc", "--html", folder / "V.html", "-p",
-                      "gsd_m:=0.02", *SHORT)
+                      folder / "T.geojson", "--netcdf", folder / "V.nc", "--netcdf-grid",
+                      folder / "G.nc", "--html", folder / "V.html", "-p",
+                      "gsd_m:=0.02", "-p", "origin:=46.1, 7.2, 300", *SHORT)
     assert done.returncode == 0, done.stderr
     assert "m/s" in done.stdout
     return folder
@@ -36,6 +46,33 @@ def test_outputs_tell_the_same(measured: Path) -> None:
     np.testing.assert_array_equal(np.concatenate([part.start_m for part in parts]), table.start_m)
     np.testing.assert_array_equal(np.concatenate([part.shared for part in parts]), table.shared)
     assert len(json.loads((measured / "T.geojson").read_text())["features"]) == len(table) > 0
+
+
+def test_grid_is_that_of_the_topic(measured: Path) -> None:
+    with open_bag(measured / "V.mcap") as bag:
+        clouds = [read_cloud(message.data) for message in bag.messages(["/cam/velocity_grid"])]
+    opened: Any = netcdf_file(measured / "G.nc", "r", mmap=False)
+    with opened as file:
+        read = {name: file.variables[name][:] for name in ("x", "y", "time", "vx", "var_vy", "standard_error", "count")}
+        first_ns = int(file.first_stamp_ns)
+    stamps_s = [(header.stamp_ns - first_ns) / 1e9 for header, _ in clouds]
+    np.testing.assert_allclose(read["time"], stamps_s, atol=1e-9)
+    assert len(clouds) > 1
+    for number, (_, table) in enumerate(clouds):
+        column, row = (np.argmin(np.abs(table[axis][:, None] - read[axis]), axis=1) for axis in "xy")
+        np.testing.assert_allclose(read["x"][column], table["x"], atol=1e-9)
+        for name in ("vx", "var_vy", "standard_error", "count"):
+            np.testing.assert_array_equal(read[name][number, row, column], table[name])
+        assert read["count"][number].sum() == table["count"].sum()
+        np.testing.assert_array_equal(np.isnan(read["vx"][number]), read["count"][number] == 0)
+
+
+def test_origin_of_the_map_is_told(measured: Path) -> None:
+    """`discharge` takes a section in a reference system by it."""
+    with open_bag(measured / "V.mcap") as bag:
+        (origin,) = [read_fix(one.data) for one in bag.messages(["/cam/velocimetry_node/origin"])]
+    assert (origin.latitude_deg, origin.longitude_deg, origin.height_m) == (46.1, 7.2, 300.0)
+    assert read_measured(measured / "V.mcap").origin == LocalFrame(46.1, 7.2, 300.0)
 
 
 def test_page_tells_of_the_bank(measured: Path) -> None:
@@ -65,3 +102,18 @@ def test_bad_arguments_are_one_line(
     assert what in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_a_missing_water_level_is_said(recordings: dict[str, Path], command: Command, tmp_path: Path) -> None:
+    """With the pose of a camera the scale depends on it; 0 m is a level like others, if it is meant."""
+    camera = Camera(np.array([[400.0, 0, 240], [0, 400, 135], [0, 0, 1]]), np.zeros(0), "plumb_bob", (480, 270))
+    pose = Pose.of_angles(np.array([0, 0, 60.0]), 1.57, 1.5, 0.0)
+    write_camera_file(tmp_path / "camera.yaml", CameraFile(camera, pose=pose, pose_covariance=1e-4 * np.eye(6)))
+    words = ("velocity", recordings["mcap"], tmp_path / "V.mcap", "--force", "--camera", tmp_path / "camera.yaml",
+             "--limit", "4", *SHORT)
+    missing = "no water_level is recorded, and no wse_m is given: the water surface is taken to lie at 0 m"
+    said = command(*words).stderr
+    assert missing in said
+    assert "velocities are measured everywhere, on the bank, too" in said  # as no tracker runs
+    said = command(*words, "-p", "wse_m:=0", "-p", "roi:=[[[100,50],[380,50],[380,220],[100,220]]]").stderr
+    assert "water" not in said

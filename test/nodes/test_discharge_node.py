@@ -10,6 +10,7 @@ import pytest
 from analytic_river import PROFILES, WSE_M, River
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped
+from georeferenced_stream import LATCHED
 from live_graph import Graph, values_of
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64
@@ -97,14 +98,17 @@ def test_live_gives_what_the_engine_gives(graph: Graph, tmp_path: Path) -> None:
 
 def test_a_missing_and_a_stale_level_are_said(graph: Graph, tmp_path: Path) -> None:
     stream = Stream(graph, section_file=section_file(tmp_path), level_max_age_s=5.0)
+    assert values_of(stream.report("nobody publishes /cam/water_level"))["state"] == "WAITING"
     stream.flow(range(12))
     first, = stream.discharges(1)
     assert first["q_m3_s"] == first["sigma_m3_s"] == ""
     assert "no water level" in first["reason"]
-    assert values_of(stream.report("no water level has come"))["state"] == "UNMEASURED"
+    stream.report("no discharge: no water level has come, and none is given (wse_m); nobody publishes")
     levels = graph.speak(Float64, "/cam/water_level")  # without a stamp: holds from the last velocities on
+    stream.report("/cam/water_level has told no level yet")
     levels.publish(Float64(data=WSE_M))
     graph.until(lambda: values_of(stream.reports[-1])["water_levels"] == "1", "the level")
+    assert values_of(stream.reports[-1])["water_level_from"] == "water_level"
     stream.flow(range(12, 22))
     second = stream.discharges(2)[-1]
     assert float(second["wse_m"]) == WSE_M
@@ -114,6 +118,27 @@ def test_a_missing_and_a_stale_level_are_said(graph: Graph, tmp_path: Path) -> N
     graph.until(lambda: values_of(stream.reports[-1])["water_levels"] == "2", "the next level")
     stream.flow(range(22, 32))
     assert "measured on a water surface at 10 m" in stream.discharges(3)[-1]["warnings"]
+
+
+def test_a_level_that_is_measured_but_silent_is_said(graph: Graph, tmp_path: Path) -> None:
+    """The level of the parameters stands for it, and without a gauge that is as asked."""
+    stream = Stream(graph, section_file=section_file(tmp_path), wse_m=WSE_M)
+    stream.flow(range(12))
+    report = stream.report("m3/s, with 95 %")
+    assert (values_of(report)["water_level_from"], report.status[0].level) == ("wse_m", b"\x00")
+    graph.speak(Float64, "/cam/water_level")
+    assert stream.report("/cam/water_level is published but has told no level yet, wse_m stands for it: 10 m")
+
+
+def test_a_level_without_a_stamp_holds_when_stamps_begin_anew(graph: Graph, tmp_path: Path) -> None:
+    """As where a recording is played in a loop beside a gauge."""
+    stream = Stream(graph, section_file=section_file(tmp_path))
+    graph.speak(Float64, "/cam/water_level", LATCHED).publish(Float64(data=WSE_M))
+    graph.until(lambda: any(values_of(one)["water_levels"] == "1" for one in stream.reports), "the level")
+    for _ in range(2):
+        stream.flow(range(32))
+    assert [one["reason"] for one in stream.discharges(6)] == [""] * 6
+    stream.report("stamps of velocities went back by 31.0 s; a discharge needs 10 s of them (every_s)")
 
 
 def test_a_section_beside_the_water_and_half_a_section_are_said(graph: Graph, tmp_path: Path) -> None:

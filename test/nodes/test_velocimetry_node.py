@@ -8,13 +8,18 @@ from typing import Any
 import numpy as np
 from conftest import Command
 from diagnostic_msgs.msg import DiagnosticArray
-from live_graph import Graph, values_of
+from georeferenced_stream import LATCHED
+from live_graph import Graph, image_message, values_of
 from rclpy.serialization import serialize_message
 from recordings import entries, write_mcap
-from sensor_msgs.msg import Image, PointCloud2
+from sensor_msgs.msg import Image, NavSatFix, PointCloud2
+from std_msgs.msg import Float64
 from visualization_msgs.msg import MarkerArray
 
+from stab_ros.imaging.camera import Camera
+from stab_ros.imaging.pose import Pose
 from stab_ros.io.bag import open_bag
+from stab_ros.io.camera_file import CameraFile, write_camera_file
 from stab_ros.io.point_cloud import read_cloud
 from stab_ros.synthetic.flight import Shot
 
@@ -79,6 +84,43 @@ def test_what_it_waits_for_is_said(graph: Graph) -> None:
     graph.until(lambda: any("subscribers of velocity" in one.status[0].message for one in reports), "what it waits for")
     assert values_of(reports[-1])["unit"] == "px/s"
     assert node.stop() == 0
+
+
+def test_a_water_level_is_missed_and_one_before_the_first_image_is_not_stale(
+    graph: Graph, flight: list[Shot], tmp_path: Path
+) -> None:
+    view = Camera(np.array([[400.0, 0, 240], [0, 400, 135], [0, 0, 1]]), np.zeros(0), "plumb_bob", (480, 270))
+    pose = Pose.of_angles(np.array([0, 0, 60.0]), 1.57, 1.5, 0.0)
+    write_camera_file(tmp_path / "camera.yaml", CameraFile(view, pose=pose, pose_covariance=1e-4 * np.eye(6)))
+    reports: list[Any] = graph.listen(DiagnosticArray, "/diagnostics")
+    graph.node.create_publisher(Float64, "/with/water_level", LATCHED).publish(Float64(data=0.5))
+    settings: dict[str, Any] = {"camera_file": str(tmp_path / "camera.yaml"), "origin": "46.1, 7.2, 300",
+                                "queue_depth": 0}
+    nodes = {name: graph.start("velocimetry_node", name, orientation="stationary_gcps", **settings)
+             for name in ("/without", "/with")}
+    origins: list[Any] = graph.listen(NavSatFix, "/with/velocimetry_node/origin", LATCHED)
+    images = {name: graph.speak(Image, f"{name}/image_raw") for name in nodes}
+    stamp_ns = 10**18  # of a clock, so that a level of stamp 0 would be 30 years old
+
+    def told(name: str) -> list[Any]:
+        return [one.status[0] for one in reports if one.status[0].name.startswith(f"{name[1:]}/")
+                and values_of(one)["state"] == "PLACED"]
+
+    def reports_of(name: str) -> int:
+        return sum(one.status[0].name.startswith(f"{name[1:]}/") for one in reports)
+
+    graph.until(lambda: all(reports_of(name) > 3 for name in nodes), "seconds, in which the level comes")
+    for number, shot in enumerate(flight):
+        for publisher in images.values():
+            publisher.publish(image_message(shot.image, stamp_ns + number * 40_000_000))
+    graph.until(lambda: all(told(name) for name in nodes), "frames placed")
+    assert "no water_level has come, and no wse_m is given" in told("/without")[-1].message
+    assert "the water surface is taken to lie at 0 m" in nodes["/without"].log
+    assert "water" not in told("/with")[-1].message
+    values = {pair.key: pair.value for pair in told("/with")[-1].values}
+    graph.until(lambda: origins, "the origin of the map")
+    assert (origins[0].latitude, origins[0].longitude, origins[0].altitude) == (46.1, 7.2, 300.0)
+    assert (values["wse_m"], float(values["water_level_age_s"]) < 1) == ("0.5", True)
 
 
 def test_in_metres_it_takes_the_calibration_of_the_camera(graph: Graph) -> None:
