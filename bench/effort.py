@@ -40,7 +40,7 @@ class Effort:
 
 FULL = Effort(rendered=40, timed=(240, 160), peer_every=16, profiled=60, flight=40, stream=(2000, 10000), video=None,
               sift_every=1, delivered=240, looped=31, live_s=60.0, recorded=400, methods=30, speckled=(10, 10),
-              packages=30, uhd=17, rivers=(3, 2, 3), plots=True)
+              packages=30, uhd=17, rivers=(3, 1, 2), plots=True)
 QUICK = Effort(rendered=8, timed=(24, 12), peer_every=12, profiled=12, flight=10, stream=(200, 20), video=12,
                sift_every=4, delivered=48, looped=6, live_s=8.0, recorded=60, methods=4, speckled=(3, 0),
                packages=6, uhd=4, rivers=(1, 1, 1), plots=False)

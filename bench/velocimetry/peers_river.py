@@ -46,7 +46,7 @@ class Scene:
 
 SCENES = (Scene("basento", "basento", "calm", (640, 360)),
           Scene("basento, disturbed", "basento", "disturbed", (640, 360)),
-          Scene("kolubara", "kolubara", "calm", (960, 506)))
+          Scene("kolubara", "kolubara", "calm", (640, 338)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,8 @@ class River:
 
     def judged(self) -> Judged:
         """What the last question found; vectors near the shore and beside the water do not count."""
-        rows = np.loadtxt(self.folder / "found.csv", delimiter=",", skiprows=1, ndmin=2).reshape(-1, 5)
+        lines = (self.folder / "found.csv").read_text(encoding="utf-8").splitlines()[1:]
+        rows = np.array([line.split(",") for line in lines], float).reshape(-1, 5)
         rows = rows[self._inside(rows[:, :2])]
         true, places = self._truth(rows), self._places_px()
         error = rows[:, 2:4] - true

@@ -14,7 +14,7 @@ import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -78,12 +78,12 @@ def packages(home: Path) -> Mapping[str, Package]:
             "pyorc": Package("pyopenrivercam", _HERE / "peers_of_pyorc.py", ("pyopenrivercam>=0.9.10",), home)}
 
 
-def measure(effort: Effort, home: Path = FOLDER) -> Section:
+def measure(effort: Effort, home: Path = FOLDER, scenes: Sequence[Scene] = SCENES) -> Section:
     """A table for each river."""
-    scenes, seeds, rounds = effort.rivers
+    most, seeds, rounds = effort.rivers
     with _processes(home) as (children, missing), tempfile.TemporaryDirectory() as folder:
         tables, data = [], dict[str, object]()
-        for scene in SCENES[:scenes]:
+        for scene in scenes[:most]:
             rivers = [River(scene, _FIRST_SEED + k, Path(folder) / scene.name / str(k)) for k in range(seeds)]
             outcomes = _raced(children, scene, rivers, rounds)
             tables.append(_table(scene, rivers[0], outcomes, missing))
@@ -202,12 +202,16 @@ def main() -> None:
     """Prints the tables, or what the sweep chooses."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--home", type=Path, default=FOLDER, help="folder of the peers' environments")
+    parser.add_argument("--scene", action="append", choices=[scene.name for scene in SCENES], help="these rivers alone")
+    parser.add_argument("--rounds", type=int, default=FULL.rivers[2], help="of times, of which the median counts")
     parser.add_argument("--sweep", action="store_true", help="choose settings anew, on another seed")
     options = parser.parse_args()
+    scenes = [scene for scene in SCENES if options.scene is None or scene.name in options.scene]
     if options.sweep:
-        sweep(options.home, SCENES)
+        sweep(options.home, scenes)
     else:
-        print(measure(FULL, options.home).text())
+        effort = replace(FULL, rivers=(*FULL.rivers[:2], options.rounds))
+        print(measure(effort, options.home, scenes).text())
 
 
 if __name__ == "__main__":
