@@ -53,4 +53,14 @@ CHOSEN: Mapping[str, Mapping[str, Settings]] = {
         "lspiv": {"method": "lspiv", "window_px": 24},
         "OpenPIV": {"windows": [64, 32, 16], "gap": 12},
         "pyorc": {"window": 48, "gap": 12, "normalize": True, "edges": False, "ensemble": True, "slowest_m_s": 0.01}},
+    "basento, disturbed": {
+        "particles": {"method": "particles", "extract_s": 1.0, "block_px": 21},
+        "lspiv": {"method": "lspiv", "window_px": 32},
+        "OpenPIV": {"windows": [64, 32, 16], "gap": 12},
+        "pyorc": {"window": 48, "gap": 12, "normalize": True, "edges": False, "ensemble": True, "slowest_m_s": 0.01}},
+    "kolubara": {
+        "particles": {"method": "particles", "extract_s": 2.0, "block_px": 31},
+        "lspiv": {"method": "lspiv", "window_px": 32},
+        "OpenPIV": {"windows": [64, 32, 16], "gap": 16},
+        "pyorc": {"window": 32, "gap": 12, "normalize": True, "edges": False, "ensemble": True, "slowest_m_s": 0.01}},
 }
