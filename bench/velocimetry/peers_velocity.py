@@ -153,9 +153,13 @@ def _row(outcome: Outcome, outcomes: Sequence[Outcome]) -> list[str]:
     found, lane = outcome.judged.figures(), outcome.lane
     name = lane.way.name if lane.way.package == "ours" else outcome.version
     return [name, f"{lane.label}: {_told(lane.settings)}", str(found["vectors"]), number(found["covered"], 0),
-            number(found["median_mm_s"], 2), number(found["p95_mm_s"], 1), f"{found['bias_mm_s']:+.2f}",
+            number(found["median_mm_s"], 2), number(found["p95_mm_s"], 1), _signed(found["bias_mm_s"]),
             number(found["outliers"], 1), number(float(np.median(outcome.cpu_ms)), 1),
             *(number(_times(outcome, outcomes, way), 2) for way in ("particles", "lspiv"))]
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.2f}" if np.isfinite(value) else "-"
 
 
 def _told(settings: Settings) -> str:
