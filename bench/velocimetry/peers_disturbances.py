@@ -1,6 +1,8 @@
 """Which of the disturbances of a river misleads our methods, and whether their sigmas tell: errors by disturbance.
 
     PYTHONPATH=.:bench .venv/bin/python bench/velocimetry/peers_disturbances.py
+
+Each disturbance of the first river of the comparison by itself, with foam, and all together.
 """
 
 from __future__ import annotations
