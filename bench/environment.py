@@ -28,11 +28,12 @@ class UnavailableError(Exception):
 
 @dataclass(frozen=True)
 class Package:
-    """name: on PyPI. requirements: what pip installs with it; none: all that it asks for."""
+    """name: on PyPI. requirements: what pip installs with it; none: all that it asks for. home: of its environment."""
 
     name: str
     script: Path
     requirements: Sequence[str] = ()
+    home: Path = FOLDER
 
     def python(self) -> Path:
         """The Python of its environment, which is made if it is not there.
@@ -40,7 +41,7 @@ class Package:
         Raises:
             UnavailableError: it cannot be made.
         """
-        folder = FOLDER / self.name
+        folder = self.home.absolute() / self.name
         python, installed = folder / "bin" / "python", folder / ".installed"
         if not installed.is_file():
             _run([sys.executable, "-m", "venv", "--clear", str(folder)])

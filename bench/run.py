@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import accuracy
@@ -27,9 +29,14 @@ import static_ground
 import uhd
 import uncertainty
 from effort import FULL, QUICK, Effort
+from environment import FOLDER
 from tables import Section
 
 from stab_ros.core.memory import keep_freed_memory
+
+sys.path.append(str(Path(__file__).resolve().with_name("velocimetry")))
+
+import peers_velocity
 
 SECTIONS: Mapping[str, Callable[[Effort], Section]] = {
     "speed": speed.measure,
@@ -37,6 +44,7 @@ SECTIONS: Mapping[str, Callable[[Effort], Section]] = {
     "uhd": uhd.measure,
     "methods": methods.measure,
     "packages": packages.measure,
+    "velocities": peers_velocity.measure,
     "evaluation": evaluation.measure,
     "static_ground": static_ground.measure,
     "faults": faults.measure,
@@ -58,8 +66,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     facts = machine.describe()
     print(_head(facts, options.quick), flush=True)
     results: dict[str, object] = {"machine": facts, "quick": options.quick}
-    for name in options.only or SECTIONS:
-        section = SECTIONS[name](QUICK if options.quick else FULL)
+    sections: dict[str, Callable[[Effort], Section]] = {**SECTIONS}
+    sections["velocities"] = partial(peers_velocity.measure, home=options.peers)
+    for name in options.only or sections:
+        section = sections[name](QUICK if options.quick else FULL)
         print(f"\n{section.text()}", flush=True)
         results[name] = section.data
     if options.json is not None:
@@ -70,6 +80,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description="Measures speed, error and memory beside OpenCV and the targets.")
     parser.add_argument("--quick", action="store_true", help="a few frames only: to see that it runs, not to quote")
     parser.add_argument("--only", action="append", choices=tuple(SECTIONS), help="this part alone (may be repeated)")
+    parser.add_argument("--peers", type=Path, metavar="FOLDER", default=FOLDER,
+                        help="of the environments of what velocities are compared with (%(default)s)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="where to write all figures as JSON")
     return parser
 
