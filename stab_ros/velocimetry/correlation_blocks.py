@@ -37,7 +37,9 @@ def from_spline(spline: IdArray) -> FloatArray:
 
 def block_correlations(first: IdArray, second: IdArray, shift_px: FloatArray, first_px: float, step_px: float,
                        block_px: int, wanted: BoolArray) -> FloatArray:
-    """Mean products (rows, columns, 3, 3) float32 of two pictures at lags of -1, 0 and 1 px, in y and x.
+    """Mean products of two pictures at lags of -1, 0 and 1 px in y and x, (rows, columns, 10) float32.
+
+    The last one is the mean of their powers: no lag has a larger sum of products over a region.
 
     The pictures are drawn along the field: `first` at x - shift(x) / 2, `second` at x + shift(x) / 2. A product counts
     halfway between its two pixels: half where the one is, half where the other is. So two equal pictures have a
@@ -53,7 +55,7 @@ def block_correlations(first: IdArray, second: IdArray, shift_px: FloatArray, fi
         wanted: (rows, columns) of blocks; the others are 0.
     """
     rows, columns = (n // block_px for n in first.shape)
-    out = np.zeros((rows, columns, 3, 3), np.float32)
+    out = np.zeros((rows, columns, 10), np.float32)
     along_x, along_y = (np.ascontiguousarray(shift_px[:, :, k], np.float32) for k in (0, 1))
 
     def part(start: int, end: int) -> None:
@@ -64,14 +66,14 @@ def block_correlations(first: IdArray, second: IdArray, shift_px: FloatArray, fi
 
 
 # The helpers are inlined, so that fresh and cached code round alike (see `methods.patches`).
-@kernel((read(I16, 2), read(I16, 2), read(F32, 2), read(F32, 2), F32, F32, I64, read(BOOL, 2), filled(F32, 4), I64,
+@kernel((read(I16, 2), read(I16, 2), read(F32, 2), read(F32, 2), F32, F32, I64, read(BOOL, 2), filled(F32, 3), I64,
          I64), fastmath=True)
 def _correlate(first: IdArray, second: IdArray, along_x: FloatArray, along_y: FloatArray, first_px: float,
                step_px: float, block_px: int, wanted: BoolArray, out: FloatArray, start: int, end: int) -> None:
     """Fills rows `start` to `end` of the blocks; of each, what lies between the first and the last wanted one."""
     columns, width = out.shape[1], out.shape[1] * block_px + 2  # with a border of a pixel
     one, two = np.empty((block_px + 2, width), np.float32), np.empty((block_px + 2, width), np.float32)
-    sums, moved = np.empty((9, width), np.float32), np.empty((9, width), np.float32)
+    sums, moved = np.empty((10, width), np.float32), np.empty((9, width), np.float32)
     nodes, along = np.empty((2, along_x.shape[1] + 1), np.float32), np.empty(width, np.float32)
     shift, across = np.empty(width, np.float32), np.empty(first.shape[1], np.float32)
     drawn = np.empty(first.shape[1], np.float32)
@@ -190,9 +192,15 @@ def _draw_along(drawn: FloatArray, shift: FloatArray, left: int, right: int, lin
 @inlined(fastmath=True)
 def _sum_rows(one: FloatArray, two: FloatArray, block_px: int, left: int, right: int, sums: FloatArray,
               moved: FloatArray) -> None:
-    """Fills the products of each lag, summed over the rows of a block: where `one` is (`sums`), and `two` (`moved`)."""
+    """Fills the products of each lag, summed over the rows of a block: where `one` is (`sums`), and `two` (`moved`).
+
+    And with the squares of both, the last row of `sums`.
+    """
     sums[:, left:right] = np.float32(0)
     for y in range(1, block_px + 1):
+        power, picture, other = sums[9], one[y], two[y]
+        for x in range(left, right):
+            power[x] += picture[x] * picture[x] + other[x] * other[x]
         for dy in range(3):
             for dx in range(3):
                 total, picture, other = sums[3 * dy + dx], one[y], two[y + dy - 1]
@@ -212,11 +220,12 @@ def _sum_rows(one: FloatArray, two: FloatArray, block_px: int, left: int, right:
 
 @inlined(fastmath=True)
 def _sum_block(sums: FloatArray, moved: FloatArray, block_px: int, left: int, out: FloatArray) -> None:
-    """Fills the mean products (3, 3) of a block that begins at pixel `left`."""
+    """Fills the means (10,) of a block that begins at pixel `left`."""
     share = np.float32(0.5 / block_px**2)
     for dy in range(3):
         for dx in range(3):
             total = np.float32(0)
             for x in range(left, left + block_px):
                 total += sums[3 * dy + dx, x] + moved[3 * dy + dx, x - dx + 1]
-            out[dy, dx] = share * total
+            out[3 * dy + dx] = share * total
+    out[9] = share * np.sum(sums[9, left : left + block_px])

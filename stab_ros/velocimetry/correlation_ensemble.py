@@ -49,7 +49,7 @@ class Ensemble:
 
     def blocks(self, pair: tuple[int, int], shift_px: FloatArray, first_px: float, step_px: float,
                wanted: BoolArray) -> FloatArray:
-        """Correlations of a pair in the blocks, (rows, columns, 3, 3), by lag in y and x; a perfect one has sum 1.
+        """Correlations of a pair in the blocks, (rows, columns, 10): see `block_correlations`.
 
         Args:
             pair: numbers of the pictures.

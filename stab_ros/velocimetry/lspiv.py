@@ -10,7 +10,7 @@ long as it is still the same. Of each window that time counts by which its varia
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -144,11 +144,11 @@ class _Windows:
         return blocks
 
     def parts(self, blocks: FloatArray) -> FloatArray:
-        """(N, BLOCKS^2, 3, 3): what lies in each window, of all blocks (r, c, 3, 3)."""
+        """(N, BLOCKS^2, n): what lies in each window, of all blocks (r, c, n)."""
         every = self.step_px * BLOCKS // self.side_px
         views = sliding_window_view(blocks, (BLOCKS, BLOCKS), axis=(0, 1))[::every, ::every]
         views = views[: self.shape[0], : self.shape[1]]
-        return np.moveaxis(views, (4, 5), (2, 3)).reshape(-1, BLOCKS**2, 3, 3)
+        return np.moveaxis(views, 2, -1).reshape(-1, BLOCKS**2, blocks.shape[2])
 
 
 class _Pictures(IntervalFrames):
@@ -228,7 +228,14 @@ class _Search:
         variance = np.array([level.variance_px2_s2 for level in levels]).reshape(len(levels), len(self._usable))
         known = np.isfinite(variance).any(axis=0)
         at = [known & (variance.argmin(axis=0) == k) if known.any() else known for k in range(len(levels))]
-        return [self._measured(level, here) for level, here in zip(levels, at, strict=True) if here.any()]
+        return self._scaled([self._measured(level, here) for level, here in zip(levels, at, strict=True)
+                             if here.any()])
+
+    def _scaled(self, found: Sequence[_Found]) -> list[_Found]:
+        """With variances as large as the differences of windows side by side, of the same level as far as they tell."""
+        usual = self._variance_factor(found, 1.0)
+        return [replace(one, covariance_px2_s2=one.covariance_px2_s2 * self._variance_factor([one], usual))
+                for one in found]
 
     def _levels(self) -> list[_Level]:
         velocity, clear, gap = self._first()
@@ -281,23 +288,21 @@ class _Search:
         mean_s = dt_s.mean()
         measured = (expected + step / mean_s)[good]
         covariance = moderated(scatter_px2(parts[good]), sharpness_px2(near[good]), _SCATTER_DOF) / mean_s**2
-        which = np.flatnonzero(at)[good]
-        covariance *= self._variance_factor(measured, which, covariance)
-        return _Found(which, measured, covariance, pairs, dt_s)
+        return _Found(np.flatnonzero(at)[good], measured, covariance, pairs, dt_s)
 
-    def _variance_factor(self, velocity: FloatArray, which: IdArray, covariance: FloatArray) -> float:
+    def _variance_factor(self, found: Sequence[_Found], usual: float) -> float:
         shape = (len(self._usable), 2)
         values, variance = np.full(shape, np.nan), np.ones(shape)
-        values[which], variance[which] = velocity, np.diagonal(covariance, axis1=1, axis2=2)
-        rows_columns = (*self._windows.shape, 2)
-        return variance_factor(values.reshape(rows_columns), variance.reshape(rows_columns),
-                               self._config.windows_per_side)
+        for one in found:
+            values[one.at], variance[one.at] = one.velocity_px_s, np.diagonal(one.covariance_px2_s2, axis1=1, axis2=2)
+        grid = (*self._windows.shape, 2)
+        return variance_factor(values.reshape(grid), variance.reshape(grid), self._config.windows_per_side, usual)
 
     def _correlated(self, velocity: FloatArray, clear: BoolArray, at: BoolArray, pairs: IdArray
                     ) -> tuple[FloatArray, FloatArray]:
         """Of the n windows `at`: velocities (n, 2) that they are drawn along, and correlations (n, BLOCKS^2, 3, 3).
 
-        clear: (N,), where `velocity` is known. A window's parts add up to its mean correlation.
+        clear: (N,), where `velocity` is known. A window's parts add up to its correlation, 1 where pictures are alike.
         """
         windows = self._windows
         field = widened(filled(velocity.reshape(*windows.shape, 2), clear.reshape(windows.shape)))
@@ -305,7 +310,9 @@ class _Search:
         total = sum(self._ensemble.blocks((a, b), dt_s * field, first_px, windows.step_px, wanted)
                     for (a, b), dt_s in zip(pairs.tolist(), self._dt_s(pairs).tolist(), strict=True))
         expected = window_mean(field, self._config.windows_per_side).reshape(-1, 2)
-        return expected[at], windows.parts(np.asarray(total))[at] / (len(pairs) * BLOCKS**2)
+        sums = windows.parts(np.asarray(total))[at]
+        power = np.maximum(sums[:, :, 9].sum(axis=1), 1e-9)
+        return expected[at], (sums[:, :, :9] / power[:, None, None]).reshape(-1, BLOCKS**2, 3, 3)
 
     @property
     def _longest_gap(self) -> int:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
 from stab_ros.core.types import FloatArray, IdArray
+from stab_ros.velocimetry.stiv_standing import Compared, apparent_slope
 
 _SEARCH_LAGS = (1, 2, 3, 4)  # frames
 _SEARCH_STEP_PX = 0.25  # per frame
@@ -97,12 +98,16 @@ class _Spectra:
         band = (1 - np.exp(-(self.k * _HIGH_PASS_PX) ** 2 / 2)) * np.exp(-(self.k * _LOW_PASS_PX) ** 2 / 2)
         self.rows: NDArray[np.complex128] = np.fft.rfft(image, self.width, axis=1) * band
 
+    def upright(self, velocity: float) -> NDArray[np.complex128]:
+        """The spectra (T, K) with what moves at `velocity` upright."""
+        return np.asarray(self.rows * np.exp(1j * self.k * velocity * self.time_s[:, None]))
+
     def sheared(self, velocity: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """The image with what moves at `velocity` upright, its derivative along the line, and 1 where it is seen.
 
         Each (T, width). The ends of the line, which stand still, are not counted as seen.
         """
-        turned = self.rows * np.exp(1j * self.k * velocity * self.time_s[:, None])
+        turned = self.upright(velocity)
         place_px = (np.arange(self.width) + velocity * self.time_s[:, None]) % self.width
         seen = (place_px >= _END_PX) & (place_px <= self.length_px - 1 - _END_PX)
         return (np.fft.irfft(turned, self.width, axis=1), np.fft.irfft(1j * self.k * turned, self.width, axis=1),
@@ -183,28 +188,31 @@ def _summed(spectra: _Spectra, velocity: float, longest: int) -> _Sums | None:
     """Slope and curvature of J at a velocity, by columns of the upright image; None: nothing is alike there."""
     image, slant, seen = spectra.sheared(velocity)
     image, slant = image * seen, slant * seen
-    slope, curve, pairs, shares, alike, total = 0.0, 0.0, [], [], 0.0, 0.0
+    slope, curve, lags, shares, alike, total = 0.0, 0.0, [], [], 0.0, 0.0
     for lag in np.unique(np.linspace(1, longest, min(_LAGS, longest)).astype(int)):
         two = spectra.pairs(int(lag))
         a, b = two.T
         dt_s = (spectra.time_s[b] - spectra.time_s[a])[:, None]
         power = float((image[a] ** 2 * seen[b]).sum() * (image[b] ** 2 * seen[a]).sum())
         rho = float((image[a] * image[b]).sum()) / np.sqrt(power) if power > 0 else 0.0
-        shared = float((seen[a] * seen[b]).sum()) / max(float(seen[a].sum()), 1.0)
+        both_seen = (seen[a] * seen[b]).sum(axis=1)
+        shared = float(both_seen.sum()) / max(float(seen[a].sum()), 1.0)
         weight = max(rho, 0.0) if shared >= _LEAST_SHARED else 0.0
         bend = weight * dt_s**2 * slant[a] * slant[b]
         both = image[a] * slant[b] * seen[a] - slant[a] * image[b] * seen[b]
         slope = slope + (weight * dt_s * both / 2).sum(axis=0)
         curve = curve + bend.sum(axis=0)
-        pairs.append(two)
+        lags.append(Compared(two, weight, rho, both_seen / spectra.length_px))
         shares.append(weight * dt_s[:, 0] ** 2)
         alike, total = alike + weight * rho * len(two), total + weight * len(two)
     weights = np.concatenate(shares)
     if total <= 0 or np.sum(curve) <= 0:
         return None
+    apparent = apparent_slope(spectra.upright(velocity), spectra.k, velocity, spectra.time_s, lags)
+    slope = slope - apparent * curve / np.sum(curve)
     size_px = float(np.sqrt((image**2).sum() / (slant**2).sum()))
-    return _Sums(_columns(np.asarray(slope), spectra), _columns(np.asarray(curve), spectra), np.concatenate(pairs),
-                 weights / weights.sum(), alike / total, size_px)
+    return _Sums(_columns(np.asarray(slope), spectra), _columns(np.asarray(curve), spectra),
+                 np.concatenate([lag.pairs for lag in lags]), weights / weights.sum(), alike / total, size_px)
 
 
 def _columns(values: FloatArray, spectra: _Spectra) -> FloatArray:
