@@ -241,7 +241,7 @@ def _said(source: Source, work: VelocityWork, result: Velocities) -> list[str]:
                     f"first: {next(iter(result.undecoded))}")
     if not len(result.vectors):
         said.append(f"{source.name}: not one vector was measured in {result.intervals} intervals; the water may show "
-                    "no texture, or extract_s is longer than the recording")
+                    f"no texture, or {work.interval_name} is longer than the recording")
     bank = result.bank
     if bank.at_rest is False:
         said.append(f"{source.name}: the bank moves by {told(bank, result.unit)}; the frames do not lie still, and "

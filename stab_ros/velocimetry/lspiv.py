@@ -204,8 +204,7 @@ class _Found:
 
 @dataclass(frozen=True, eq=False)
 class _Level:
-    """velocity_px_s (N, 2) and variance_px2_s2 (N,), inf where there is none, by few pairs that are `gap` frames apart.
-    """
+    """velocity_px_s (N, 2) and variance_px2_s2 (N,), inf: unknown, by few pairs that are `gap` frames apart."""
 
     gap: int
     velocity_px_s: FloatArray

@@ -29,13 +29,11 @@ class Compared:
     Attributes:
         pairs: (P, 2) the rows.
         weight: of each in the slope.
-        alike: correlation coefficient.
         shared: (P,) share of the line that both rows show.
     """
 
     pairs: IdArray
     weight: float
-    alike: float
     shared: FloatArray
 
 
@@ -54,23 +52,49 @@ def apparent_slope(upright: NDArray[np.complex128], k: FloatArray, velocity: flo
     if not used:
         return 0.0
     turned = np.exp(-1j * np.outer(time_s, k) * velocity)
-    mean_with = turned * (_correlation(time_s, used) @ np.conj(turned)) / len(time_s)  # r
+    found = np.array([_products(upright, lag).real for lag in used])
+    lasting = _left(turned, time_s, used, np.ones(len(used)))[0]
+    expected = (_power(found, lasting, used) * lasting).sum(axis=1)  # of a pattern that lasts
+    rho = found.sum(axis=1) / np.maximum(expected, 1e-9)
+    left, aslant = _left(turned, time_s, used, np.clip(rho / max(rho[0], 1e-9), 0, 1))
+    weight = np.array([lag.weight for lag in used])
+    return -float((weight @ aslant) @ (k * _power(found, left, used))) / (len(k) - 1)
+
+
+def _products(upright: NDArray[np.complex128], lag: Compared) -> NDArray[np.complex128]:
+    """(K,) of all pairs of rows."""
+    a, b = lag.pairs.T
+    return np.asarray((np.conj(upright[a]) * upright[b]).sum(axis=0))
+
+
+def _left(turned: NDArray[np.complex128], time_s: FloatArray, lags: Sequence[Compared], rho: FloatArray
+          ) -> tuple[FloatArray, FloatArray]:
+    """Of unit power, by lag and wave number: sums over pairs of the real part of Q, and of time by the imaginary part.
+
+    rho: of the amplitudes, by lag. Pairs of a lag count as equally far apart.
+    """
+    mean_with = turned * (_correlation(time_s, lags, rho) @ np.conj(turned)) / len(time_s)  # r
     mean_power = mean_with.mean(axis=0).real  # g
-    found, left, slope = np.zeros(len(k)), np.zeros(len(k)), np.zeros(len(k))
-    for lag in used:
+    left, aslant = np.empty((2, len(lags), turned.shape[1]))
+    for i, (lag, alike) in enumerate(zip(lags, rho, strict=True)):
         a, b = lag.pairs.T
-        dt_s = time_s[b] - time_s[a]
-        apart = (mean_power - mean_with[b] - np.conj(mean_with[a])) * turned[a] * np.conj(turned[b])
-        found += lag.weight * (np.conj(upright[a]) * upright[b]).real.sum(axis=0)
-        left += lag.weight * (lag.alike / used[0].alike + apart.real).sum(axis=0)
-        slope -= lag.weight * k * ((lag.shared * dt_s) @ apart.imag)
-    count = sum(lag.weight * len(lag.pairs) for lag in used)
-    power = np.where(left > _LEAST_LEFT * count, np.maximum(found, 0) / np.maximum(left, _LEAST_LEFT * count), 0.0)
-    return float(power @ slope) / (len(k) - 1)
+        turn, count, dt_s = turned[a[0]] * np.conj(turned[b[0]]), len(a), float((time_s[b] - time_s[a]).mean())
+        left[i] = count * alike + (turn * (count * mean_power - mean_with[b].sum(axis=0)
+                                           - np.conj(mean_with[a]).sum(axis=0))).real
+        aslant[i] = dt_s * (turn * (lag.shared.sum() * mean_power - lag.shared @ mean_with[b]
+                                    - lag.shared @ np.conj(mean_with[a]))).imag
+    return left, aslant
 
 
-def _correlation(time_s: FloatArray, lags: Sequence[Compared]) -> FloatArray:
-    """rho (T, T), 1 at no lag; linear between the lags and constant after the last."""
+def _power(found: FloatArray, left: FloatArray, lags: Sequence[Compared]) -> FloatArray:
+    """(K,) of the pattern before anything was taken out; 0 where next to nothing is left."""
+    weight = np.array([lag.weight for lag in lags])
+    least = _LEAST_LEFT * float(weight @ [len(lag.pairs) for lag in lags])
+    have = weight @ left
+    return np.asarray(np.where(have > least, np.maximum(weight @ found, 0) / np.maximum(have, least), 0.0))
+
+
+def _correlation(time_s: FloatArray, lags: Sequence[Compared], rho: FloatArray) -> FloatArray:
+    """(T, T), 1 at no lag; linear between the lags and constant after the last."""
     at_s = [0.0, *(float(np.median(np.diff(time_s[lag.pairs], axis=1))) for lag in lags)]
-    values = [1.0, *(min(lag.alike / lags[0].alike, 1.0) for lag in lags)]
-    return np.interp(np.abs(time_s[:, None] - time_s), at_s, values)
+    return np.interp(np.abs(time_s[:, None] - time_s), at_s, [1.0, *rho])
