@@ -9,6 +9,8 @@ pixel. Only the blocks that are wanted are drawn, a row of blocks at a time, whi
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 
@@ -68,12 +70,13 @@ def block_correlations(first: IdArray, second: IdArray, shift_px: FloatArray, fi
 # The helpers are inlined, so that fresh and cached code round alike (see `methods.patches`).
 @kernel((read(I16, 2), read(I16, 2), read(F32, 2), read(F32, 2), F32, F32, I64, read(BOOL, 2), filled(F32, 3), I64,
          I64), fastmath=True)
-def _correlate(first: IdArray, second: IdArray, along_x: FloatArray, along_y: FloatArray, first_px: float,
-               step_px: float, block_px: int, wanted: BoolArray, out: FloatArray, start: int, end: int) -> None:
+def _correlate(first: IdArray, second: IdArray, along_x: FloatArray, along_y: FloatArray, first_px: Any,
+               step_px: Any, block_px: int, wanted: BoolArray, out: FloatArray, start: int, end: int) -> None:
     """Fills rows `start` to `end` of the blocks; of each, what lies between the first and the last wanted one."""
     columns, width = out.shape[1], out.shape[1] * block_px + 2  # with a border of a pixel
     one, two = np.empty((block_px + 2, width), np.float32), np.empty((block_px + 2, width), np.float32)
     sums, moved = np.empty((10, width), np.float32), np.empty((9, width), np.float32)
+    per_px = np.float32(1) / step_px
     nodes, along = np.empty((2, along_x.shape[1] + 1), np.float32), np.empty(width, np.float32)
     shift, across = np.empty(width, np.float32), np.empty(first.shape[1], np.float32)
     drawn = np.empty(first.shape[1], np.float32)
@@ -87,11 +90,10 @@ def _correlate(first: IdArray, second: IdArray, along_x: FloatArray, along_y: Fl
         left, right = begin * block_px, stop * block_px + 2
         for k in range(block_px + 2):
             y = row * block_px + k - 1
-            _field(along_x, along_y, (np.float32(y) - first_px) / step_px, nodes)
-            for i in range(left, right):
-                along[i] = _between(nodes[0], (np.float32(i - 1) - first_px) / step_px)
+            _field(along_x, along_y, (np.float32(y) - first_px) * per_px, nodes)
+            _shifts_along(nodes[0], first_px, per_px, left, along[left:right])
             for half, spline, line in ((np.float32(-0.5), first, one[k]), (np.float32(0.5), second, two[k])):
-                low, high = _shifts(nodes[1], along, half, first_px, step_px, left, right, shift, across)
+                low, high = _shifts(nodes[1], along, half, first_px, per_px, left, right, shift, across)
                 _draw_across(spline, across, y, low, high, drawn)
                 _draw_along(drawn, shift, left, right, line)
         _sum_rows(one, two, block_px, left, right, sums, moved)
@@ -101,12 +103,12 @@ def _correlate(first: IdArray, second: IdArray, along_x: FloatArray, along_y: Fl
 
 
 @inlined(fastmath=True)
-def _field(along_x: FloatArray, along_y: FloatArray, at: float, nodes: FloatArray) -> None:
+def _field(along_x: FloatArray, along_y: FloatArray, at: Any, nodes: FloatArray) -> None:
     """Fills the field (2, columns + 1) on a row of pixels, which lies `at` rows of nodes below the first one."""
     rows, columns = along_x.shape
-    at = min(max(at, np.float32(0)), np.float32(rows - 1))
-    upper = min(int(at), max(rows - 2, 0))
-    lower, share = min(upper + 1, rows - 1), at - np.float32(upper)
+    inside = min(max(at, np.float32(0)), np.float32(rows - 1))
+    upper = min(int(inside), max(rows - 2, 0))
+    lower, share = min(upper + 1, rows - 1), inside - np.float32(upper)
     for j in range(columns):
         nodes[0, j] = along_x[upper, j] + share * (along_x[lower, j] - along_x[upper, j])
         nodes[1, j] = along_y[upper, j] + share * (along_y[lower, j] - along_y[upper, j])
@@ -114,16 +116,23 @@ def _field(along_x: FloatArray, along_y: FloatArray, at: float, nodes: FloatArra
 
 
 @inlined(fastmath=True)
-def _between(nodes: FloatArray, at: float) -> float:
+def _between(nodes: FloatArray, at: Any) -> Any:
     """The value `at` nodes from the first one; constant beyond."""
-    at = min(max(at, np.float32(0)), np.float32(len(nodes) - 2))
-    node = np.uint32(np.int32(at))
-    value = nodes[node]
-    return value + (at - np.float32(np.int32(at))) * (nodes[node + np.uint32(1)] - value)
+    inside = min(max(at, np.float32(0)), np.float32(len(nodes) - 2))
+    node = np.int32(inside)
+    value = nodes[np.uint32(node)]
+    return value + (inside - np.float32(node)) * (nodes[np.uint32(node + 1)] - value)
 
 
 @inlined(fastmath=True)
-def _shifts(nodes: FloatArray, along: FloatArray, half: float, first_px: float, step_px: float, left: int, right: int,
+def _shifts_along(nodes: FloatArray, first_px: Any, per_px: Any, left: int, along: FloatArray) -> None:
+    """Fills the field along x of a row of pixels; element i is pixel left + i - 1."""
+    for i in range(len(along)):
+        along[i] = _between(nodes, (np.float32(left + i - 1) - first_px) * per_px)
+
+
+@inlined(fastmath=True)
+def _shifts(nodes: FloatArray, along: FloatArray, half: Any, first_px: Any, per_px: Any, left: int, right: int,
             shift: FloatArray, across: FloatArray) -> tuple[int, int]:
     """Fills the shifts along x of pixels i - 1 that are drawn, and those across of the columns that they come from.
 
@@ -139,7 +148,7 @@ def _shifts(nodes: FloatArray, along: FloatArray, half: float, first_px: float, 
     low, high = int(least) - 1, int(most) + 3
     for u in range(low, high):
         from_x = np.float32(u) - half * along[min(max(u + 1, left), right - 1)]
-        across[u] = half * _between(nodes, (from_x - first_px) / step_px)
+        across[u] = half * _between(nodes, (from_x - first_px) * per_px)
     return low, high
 
 

@@ -73,7 +73,8 @@ def _left(turned: NDArray[np.complex128], time_s: FloatArray, lags: Sequence[Com
 
     rho: of the amplitudes, by lag. Pairs of a lag count as equally far apart.
     """
-    mean_with = turned * (_correlation(time_s, lags, rho) @ np.conj(turned)) / len(time_s)  # r
+    with_others = np.einsum("tj,jk->tk", _correlation(time_s, lags, rho), np.conj(turned))  # threads of BLAS would wait
+    mean_with = turned * with_others / len(time_s)  # r
     mean_power = mean_with.mean(axis=0).real  # g
     left, aslant = np.empty((2, len(lags), turned.shape[1]))
     for i, (lag, alike) in enumerate(zip(lags, rho, strict=True)):
@@ -81,8 +82,8 @@ def _left(turned: NDArray[np.complex128], time_s: FloatArray, lags: Sequence[Com
         turn, count, dt_s = turned[a[0]] * np.conj(turned[b[0]]), len(a), float((time_s[b] - time_s[a]).mean())
         left[i] = count * alike + (turn * (count * mean_power - mean_with[b].sum(axis=0)
                                            - np.conj(mean_with[a]).sum(axis=0))).real
-        aslant[i] = dt_s * (turn * (lag.shared.sum() * mean_power - lag.shared @ mean_with[b]
-                                    - lag.shared @ np.conj(mean_with[a]))).imag
+        seen = (lag.shared[:, None] * (mean_with[b] + np.conj(mean_with[a]))).sum(axis=0)
+        aslant[i] = dt_s * (turn * (lag.shared.sum() * mean_power - seen)).imag
     return left, aslant
 
 
@@ -97,4 +98,4 @@ def _power(found: FloatArray, left: FloatArray, lags: Sequence[Compared]) -> Flo
 def _correlation(time_s: FloatArray, lags: Sequence[Compared], rho: FloatArray) -> FloatArray:
     """(T, T), 1 at no lag; linear between the lags and constant after the last."""
     at_s = [0.0, *(float(np.median(np.diff(time_s[lag.pairs], axis=1))) for lag in lags)]
-    return np.interp(np.abs(time_s[:, None] - time_s), at_s, [1.0, *rho])
+    return np.asarray(np.interp(np.abs(time_s[:, None] - time_s), at_s, [1.0, *rho]))
