@@ -59,8 +59,9 @@ def measured(method: Method, frames: Sequence[PlacedFrame]) -> tuple[Vectors, fl
 def ours(scene: MovingTexture, frames: Sequence[PlacedFrame], components: int) -> tuple[FloatArray, FloatArray, float]:
     """Errors and sigmas, m/s, of all components; lspiv has two, stiv the one along the line."""
     interval_s = (len(frames) - 1) / scene.fps
-    method: Method = (Lspiv(LspivConfig(interval_s=interval_s, window_px=WINDOW_PX)) if components == 2 else
-                      Stiv(StivConfig(interval_s=interval_s), lines(scene.size, scene.gsd)))
+    method: Method = (  # the clock of the scenes is exact
+        Lspiv(LspivConfig(interval_s=interval_s, window_px=WINDOW_PX, clock_sigma=0.0)) if components == 2 else
+        Stiv(StivConfig(interval_s=interval_s, clock_sigma=0.0), lines(scene.size, scene.gsd)))
     vectors, ms = measured(method, frames)
     along = scene.flow(vectors.position_m[:, 1])
     error = vectors.velocity_m_s - np.stack([along, np.zeros_like(along)], axis=1)

@@ -20,7 +20,6 @@ _PRIOR_DOF = 8.0  # how many degrees of freedom the windows' common scale counts
 _TWO_SIGMA = 0.97725  # share of a normal distribution below two standard deviations
 _MEDIAN_SQUARE = 0.4549  # of a standard normal variable
 _PRIOR_DIFFERENCES = 24  # how many differences the usual factor counts
-_FLOOR_PX = 0.0005  # what the fit of the peak itself is off by
 
 
 def slopes(near: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -63,13 +62,13 @@ def moderated(covariance: FloatArray, model_px2: FloatArray, dof: float) -> Floa
 
     Returns:
         (N, 2, 2), larger by the factor that makes two of its standard deviations hold 95 % in spite of the degrees of
-        freedom; at least the error of the fit of the peak.
+        freedom.
     """
     own = np.trace(covariance, axis1=1, axis2=2) / 2
     usual = model_px2 * (np.median(own / model_px2) if len(own) else 1.0)
     mean = (dof * covariance + _PRIOR_DOF * usual[:, None, None] * np.eye(2)) / (dof + _PRIOR_DOF)
     wider = (stdtrit(dof + _PRIOR_DOF, _TWO_SIGMA) / 2) ** 2
-    return np.asarray(mean * wider + _FLOOR_PX**2 * np.eye(2))
+    return np.asarray(mean * wider)
 
 
 def variance_factor(values: FloatArray, variance: FloatArray, apart: int, usual: float = 1.0) -> float:

@@ -36,6 +36,7 @@ _FEW_PAIRS = 8  # to search, and to decide how far apart pictures are compared
 _SCATTER_DOF = 2.0 * (BLOCKS**2 - 1) / 2  # of a window's covariance; neighbouring blocks share texture
 _LONGER = 4  # times the time between the pictures of a pair, from pass to pass
 _REACH = 0.75  # half sides of what must be seen about a window, in sides: windows move by a quarter either way
+_PEAK_SIGMA_PX = 0.0006  # what the fit of a peak is off by, alike in windows side by side
 _LARGEST_STEP_PX = 0.5  # of the last pass: a larger one has found another peak
 
 
@@ -201,6 +202,11 @@ class _Found:
     pairs: IdArray
     dt_s: FloatArray
 
+    def widened(self, factor: float, variance_px2_s2: float) -> _Found:
+        """With a covariance that is multiplied and added to."""
+        covariance = factor * self.covariance_px2_s2 + variance_px2_s2 * np.eye(2)
+        return replace(self, covariance_px2_s2=covariance)
+
 
 @dataclass(frozen=True, eq=False)
 class _Level:
@@ -231,9 +237,12 @@ class _Search:
                              if here.any()])
 
     def _scaled(self, found: Sequence[_Found]) -> list[_Found]:
-        """With variances as large as the differences of windows side by side, of the same level as far as they tell."""
+        """With variances as large as the differences of windows side by side, of the same level as far as they tell.
+
+        And with the error of the fit of the peak, which these differences do not show.
+        """
         usual = self._variance_factor(found, 1.0)
-        return [replace(one, covariance_px2_s2=one.covariance_px2_s2 * self._variance_factor([one], usual))
+        return [one.widened(self._variance_factor([one], usual), (_PEAK_SIGMA_PX / one.dt_s.mean()) ** 2)
                 for one in found]
 
     def _levels(self) -> list[_Level]:
