@@ -186,15 +186,16 @@ def _draw_along(drawn: FloatArray, shift: FloatArray, left: int, right: int, lin
         end = begin + 1
         while end < right and shift[end] >= whole and shift[end] < whole + np.float32(1):
             end += 1
-        at = begin + int(whole) - 2
-        values, moved, out = drawn[at : at + end - begin + 3], shift[begin:end], line[begin:end]
-        for i in range(end - begin):
+        at, count = begin + int(whole) - 2, end - begin
+        a, b, c, d = drawn[at : at + count], drawn[at + 1 :], drawn[at + 2 :], drawn[at + 3 :]
+        moved, out = shift[begin:end], line[begin:end]
+        for i in range(count):
             t = moved[i] - whole
             t2, t3 = t * t, t * t * t
             wb = np.float32(3) * t3 - np.float32(6) * t2 + np.float32(4)
             wc = np.float32(1) + np.float32(3) * (t + t2 - t3)
             wa = np.float32(6) - wb - wc - t3
-            out[i] = scale * (wa * values[i] + wb * values[i + 1] + wc * values[i + 2] + t3 * values[i + 3])
+            out[i] = scale * (wa * a[i] + wb * b[i] + wc * c[i] + t3 * d[i])
         begin = end
 
 
@@ -207,24 +208,30 @@ def _sum_rows(one: FloatArray, two: FloatArray, block_px: int, left: int, right:
     """
     sums[:, left:right] = np.float32(0)
     for y in range(1, block_px + 1):
-        power, picture, other = sums[9], one[y], two[y]
-        for x in range(left, right):
+        power, picture, other = sums[9, left:right], one[y, left:right], two[y, left:right]
+        for x in range(right - left):
             power[x] += picture[x] * picture[x] + other[x] * other[x]
-        for dy in range(3):
-            for dx in range(3):
-                total, picture, other = sums[3 * dy + dx], one[y], two[y + dy - 1]
-                for x in range(left + (dx == 0), right - (dx == 2)):
-                    total[x] += picture[x] * other[x + dx - 1]
-    for dy in range(3):
-        more, less = (0, block_px) if dy == 2 else (block_px + 1, 1)
-        for dx in range(3):
-            total, there = sums[3 * dy + dx], moved[3 * dy + dx]
-            for x in range(left, right):
-                there[x] = total[x]
-            if dy != 1:
-                for x in range(left + (dx == 0), right - (dx == 2)):
-                    there[x] += (one[more, x] * two[more + dy - 1, x + dx - 1]
-                                 - one[less, x] * two[less + dy - 1, x + dx - 1])
+        for lag in range(9):
+            _add_row(one, two, y, lag, left, right, np.float32(1), sums[lag])
+    for lag in range(9):
+        total, there = sums[lag, left:right], moved[lag, left:right]
+        for x in range(right - left):
+            there[x] = total[x]
+        if lag // 3 != 1:
+            more, less = (0, block_px) if lag // 3 == 2 else (block_px + 1, 1)
+            _add_row(one, two, more, lag, left, right, np.float32(1), moved[lag])
+            _add_row(one, two, less, lag, left, right, np.float32(-1), moved[lag])
+
+
+@inlined(fastmath=True)
+def _add_row(one: FloatArray, two: FloatArray, y: int, lag: int, left: int, right: int, sign: Any, sums: FloatArray
+             ) -> None:
+    """Adds the products of row y of `one` at a lag."""
+    dy, dx = lag // 3 - 1, lag % 3 - 1
+    begin, end = left + (dx < 0), right - (dx > 0)
+    total, picture, other = sums[begin:end], one[y, begin:end], two[y + dy, begin + dx : end + dx]
+    for x in range(end - begin):  # from 0, which numba compiles to vector instructions
+        total[x] += sign * picture[x] * other[x]
 
 
 @inlined(fastmath=True)
