@@ -95,3 +95,12 @@ def test_live_gives_what_the_command_gives(
     graph.until(lambda: all(len(one) == len(offline["velocity"]) for one in heard) and pictures, "the last interval")
     for topic, live in clouds.items():
         check_same([serialize_message(one) for one in live], offline[topic])
+
+
+@pytest.mark.thorough
+def test_an_interval_that_is_too_long_is_told_by_its_parameter(
+    river: Path, executable: Command, tmp_path: Path
+) -> None:
+    done = executable("velocity", river, tmp_path / "V.mcap", *words("stiv"), "-p", "stiv.interval_s:=60.0")
+    assert done.returncode == 0, done.stderr
+    assert "stiv.interval_s is longer" in done.stderr
