@@ -26,19 +26,20 @@ from stab_ros.velocimetry.vectors import Vectors
 
 FIRST_SEED = 1000  # constants were chosen on seeds below 100
 FRAMES, SIZE, WINDOW_PX = 26, (208, 160), 48
+METHODS = {"lspiv": 2, "stiv": 1}  # components that are measured
 HEAD = ("scene", "method", "vectors", "median error mm/s", "within 2 sigma %", "median error / sigma", "CPU ms a frame")
 
 
-def scenes(seed: int) -> Mapping[str, MovingTexture]:
+def scenes(seed: int, size: tuple[int, int]) -> Mapping[str, MovingTexture]:
     """By name; a pixel is 20 mm, 25 frames/s."""
     return {
-        "0.12 m/s": MovingTexture(uniform(0.12), SIZE, seed=seed),
-        "0.4 m/s, noise 8": MovingTexture(uniform(0.4), SIZE, noise=8.0, seed=seed),
-        "2 m/s": MovingTexture(uniform(2.0), SIZE, seed=seed),
-        "shear 0.15 1/s": MovingTexture(shear(0.2, 0.15), SIZE, seed=seed),
-        "texture renewed in 1 s": MovingTexture(uniform(0.4), SIZE, renewal_s=1.0, seed=seed),
-        "camera shakes 3 px, known to 0.1": MovingTexture(uniform(0.4), SIZE, shake_px=3.0, sigma_px=0.1, seed=seed),
-        "flicker 10 %": MovingTexture(uniform(0.4), SIZE, flicker=0.1, seed=seed),
+        "0.12 m/s": MovingTexture(uniform(0.12), size, seed=seed),
+        "0.4 m/s, noise 8": MovingTexture(uniform(0.4), size, noise=8.0, seed=seed),
+        "2 m/s": MovingTexture(uniform(2.0), size, seed=seed),
+        "shear 0.15 1/s": MovingTexture(shear(0.2, 0.15), size, seed=seed),
+        "texture renewed in 1 s": MovingTexture(uniform(0.4), size, renewal_s=1.0, seed=seed),
+        "camera shakes 3 px, known to 0.1": MovingTexture(uniform(0.4), size, shake_px=3.0, sigma_px=0.1, seed=seed),
+        "flicker 10 %": MovingTexture(uniform(0.4), size, flicker=0.1, seed=seed),
     }
 
 
@@ -58,8 +59,9 @@ def measured(method: Method, frames: Sequence[PlacedFrame]) -> tuple[Vectors, fl
 def ours(scene: MovingTexture, frames: Sequence[PlacedFrame], components: int) -> tuple[FloatArray, FloatArray, float]:
     """Errors and sigmas, m/s, of all components; lspiv has two, stiv the one along the line."""
     interval_s = (len(frames) - 1) / scene.fps
-    method: Method = (Lspiv(LspivConfig(interval_s=interval_s, window_px=WINDOW_PX)) if components == 2 else
-                      Stiv(StivConfig(interval_s=interval_s), lines(scene.size, scene.gsd)))
+    method: Method = (  # the clock of the scenes is exact
+        Lspiv(LspivConfig(interval_s=interval_s, window_px=WINDOW_PX, clock_sigma=0.0)) if components == 2 else
+        Stiv(StivConfig(interval_s=interval_s, clock_sigma=0.0), lines(scene.size, scene.gsd)))
     vectors, ms = measured(method, frames)
     along = scene.flow(vectors.position_m[:, 1])
     error = vectors.velocity_m_s - np.stack([along, np.zeros_like(along)], axis=1)
@@ -104,12 +106,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--openpiv", default="", help="Python of an environment with OpenPIV")
     parser.add_argument("--seeds", type=int, default=3, help="number of renderings of each scene")
+    parser.add_argument("--size", nargs=2, type=int, default=SIZE, help="width and height of the pictures")
+    parser.add_argument("--methods", nargs="+", choices=METHODS, default=list(METHODS))
     arguments = parser.parse_args()
+    size = arguments.size[0], arguments.size[1]
     print(f"| {' | '.join(HEAD)} |\n|{':--|' * 2}{'--:|' * 5}", flush=True)
-    for name in scenes(0):
-        of_seeds = [scenes(FIRST_SEED + k)[name] for k in range(arguments.seeds)]
+    for name in scenes(0, size):
+        of_seeds = [scenes(FIRST_SEED + k, size)[name] for k in range(arguments.seeds)]
         frames = [scene.frames(FRAMES) for scene in of_seeds]
-        for method, components in (("lspiv", 2), ("stiv", 1)):
+        for method in arguments.methods:
+            components = METHODS[method]
             if components == 1 and name.startswith("0.12"):
                 continue  # a second is too short for stiv: the texture goes 3 of its sizes
             results = [ours(scene, seen, components) for scene, seen in zip(of_seeds, frames, strict=True)]

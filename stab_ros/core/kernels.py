@@ -27,7 +27,7 @@ Signature: TypeAlias = tuple[Any, ...]  # numba types of the arguments; the retu
 CompilationProgress: TypeAlias = Callable[["Compilation"], None]
 Compiler: TypeAlias = Callable[[], "Compilation"]
 
-U8, U16, I32, I64, BOOL = types.uint8, types.uint16, types.int32, types.int64, types.boolean
+U8, U16, I16, I32, I64, BOOL = types.uint8, types.uint16, types.int16, types.int32, types.int64, types.boolean
 F32, F64 = types.float32, types.float64
 
 

@@ -260,7 +260,7 @@ def _said(source: Source, work: VelocityWork, result: Velocities) -> list[str]:
                     f"first: {next(iter(result.undecoded))}")
     if not len(result.vectors):
         said.append(f"{source.name}: not one vector was measured in {result.intervals} intervals; the water may show "
-                    "no texture, or extract_s is longer than the recording")
+                    f"no texture, or {work.interval_name} is longer than the recording")
     if not (work.bank_known or work.area_given):
         said.append(f"{source.name}: no static map tells ground from water, so velocities are measured everywhere, on "
                     "the bank, too; roi, exclude or static_map must say where the water is")

@@ -53,6 +53,12 @@ class VelocityWork:
         return float(self._values.get("grid_m", 0.0))
 
     @property
+    def interval_name(self) -> str:
+        """The parameter that tells how long an interval is."""
+        method = str(self._values.get("method", ""))
+        return f"{method}.interval_s" if method in ("lspiv", "stiv") else "extract_s"
+
+    @property
     def local_frame(self) -> LocalFrame | None:
         """Where the map is on the Earth; None: unknown."""
         return None if self._placing is None else self._placing.engine.local_frame

@@ -3,7 +3,7 @@
 Meinhart, Wereley and Santiago (2000): averaged correlations have a peak where single ones have only noise, and no
 outliers that would have to be filtered. Displacements are first sought over a wide area by FFT (`searched`), then
 measured in pictures that are drawn along them (`Ensemble`), where only lags of one pixel are left to be correlated.
-Pictures are band-passed, and their contrast is made the same everywhere.
+Pictures are band-passed, and their contrast is made the same everywhere; this is done once for each (`prepared`).
 """
 
 from __future__ import annotations
@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from scipy.fft import irfft2, next_fast_len, rfft2
 
 from stab_ros.core.threads import in_parallel
-from stab_ros.core.types import FloatArray, Gray, IdArray
+from stab_ros.core.types import BoolArray, FloatArray, Gray, IdArray
 from stab_ros.metrics.window_spectra import HIGH_PASS_PX, LOW_PASS_PX, gaussian_peak
-from stab_ros.velocimetry.correlation_blocks import block_correlations
-from stab_ros.velocimetry.correlation_deform import deformed
+from stab_ros.velocimetry.correlation_blocks import as_spline, block_correlations, from_spline
 
 BLOCKS = 4  # of a window's side: the parts by which its covariance is told
 _LAGS = np.arange(-1, 2)
@@ -30,40 +29,45 @@ _PEAK_RADIUS_PX = 5  # within it no other peak is sought
 _CONTRAST_FLOOR = 1.0  # grey levels, of the band-passed picture: below it contrast is noise
 
 
-def band_passed(picture: Gray, side_px: int) -> FloatArray:
-    """(h, w) float32: without slow changes and the finest detail, with the same contrast in each square of side_px."""
+def prepared(picture: Gray, side_px: int) -> IdArray:
+    """The spline (h, w) int16 of a picture (h, w) uint8 that is ready to be correlated.
+
+    It has neither slow changes nor the finest detail, and the same contrast in each square of side_px.
+    """
     fine = cv2.GaussianBlur(np.asarray(picture, np.float32), (0, 0), LOW_PASS_PX)
-    band = fine - cv2.GaussianBlur(fine, (0, 0), HIGH_PASS_PX)
-    return np.asarray(band / np.sqrt(cv2.boxFilter(band * band, -1, (side_px, side_px)) + _CONTRAST_FLOOR**2))
+    band = cv2.subtract(fine, cv2.GaussianBlur(fine, (0, 0), HIGH_PASS_PX))
+    power = cv2.boxFilter(cv2.multiply(band, band), -1, (side_px, side_px))
+    return as_spline(np.asarray(cv2.divide(band, cv2.sqrt(cv2.add(power, _CONTRAST_FLOOR**2)))))
 
 
 class Ensemble:
     """Correlations at lags of one pixel of blocks of a grid, in pictures drawn along a field of velocities."""
 
-    def __init__(self, pictures: Sequence[Gray], side_px: int) -> None:
-        """Args: pictures (h, w) uint8; side_px of the windows, of `BLOCKS` x `BLOCKS` blocks."""
-        self._pictures, self._side_px, self._block_px = pictures, side_px, side_px // BLOCKS
+    def __init__(self, pictures: Sequence[IdArray], block_px: int) -> None:
+        """Args: pictures (h, w) int16, of `prepared`; block_px, side of the blocks."""
+        self._pictures, self._block_px = pictures, block_px
 
-    def blocks(self, pair: tuple[int, int], shift_px: FloatArray, first_px: float, step_px: float) -> FloatArray:
-        """Correlations of a pair in the blocks, (rows, columns, 3, 3), by lag in y and x; a perfect one has sum 1.
+    def blocks(self, pair: tuple[int, int], shift_px: FloatArray, first_px: float, step_px: float,
+               wanted: BoolArray) -> FloatArray:
+        """Correlations of a pair in the blocks, (rows, columns, 10): see `block_correlations`.
 
         Args:
             pair: numbers of the pictures.
             shift_px: (r, c, 2), the displacements that are expected at the nodes.
             first_px: x and y of the first node.
             step_px: distance of the nodes.
+            wanted: (rows, columns) of blocks; the others are 0.
         """
-        first, second = (deformed(band_passed(self._pictures[k], self._side_px), half * shift_px, first_px, step_px)
-                         for k, half in zip(pair, (-0.5, 0.5), strict=True))
-        return block_correlations(first, second, self._block_px)
+        first, second = (self._pictures[k] for k in pair)
+        return block_correlations(first, second, shift_px, first_px, step_px, self._block_px, wanted)
 
 
-def searched(pictures: Sequence[Gray], pairs: IdArray, centres_px: FloatArray, side_px: int,
+def searched(pictures: Sequence[IdArray], pairs: IdArray, centres_px: FloatArray, side_px: int,
              reach_px: int) -> tuple[FloatArray, FloatArray]:
     """Displacements within a square, by the highest peak of the averaged normalized cross-correlation.
 
     Args:
-        pictures: (h, w) uint8.
+        pictures: (h, w) int16, of `prepared`.
         pairs: (P, 2), numbers of pictures, which should be equally far apart in time.
         centres_px: (N, 2), of the windows.
         side_px: of the windows in the first picture of a pair; in the second they are wider by reach_px on each side.
@@ -75,8 +79,7 @@ def searched(pictures: Sequence[Gray], pairs: IdArray, centres_px: FloatArray, s
     planes = np.zeros((len(centres_px), 2 * reach_px + 1, 2 * reach_px + 1), np.float32)
     corners = np.round(centres_px - (side_px - 1) / 2).astype(np.int64)
     for a, b in pairs.tolist():
-        first, second = (np.pad(band_passed(pictures[k], side_px), reach_px)
-                         for k in (a, b))
+        first, second = (np.pad(from_spline(pictures[k]), reach_px) for k in (a, b))
         _add_planes(planes, first, second, corners, side_px)
     return _peaks(planes / len(pairs))
 

@@ -19,8 +19,7 @@ from stab_ros.core.types import FloatArray
 _PRIOR_DOF = 8.0  # how many degrees of freedom the windows' common scale counts
 _TWO_SIGMA = 0.97725  # share of a normal distribution below two standard deviations
 _MEDIAN_SQUARE = 0.4549  # of a standard normal variable
-_LEAST_DIFFERENCES = 12  # that tell a factor
-_FLOOR_PX = 0.001  # what the fit of the peak itself is off by
+_PRIOR_DIFFERENCES = 24  # how many differences the usual factor counts
 
 
 def slopes(near: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -63,17 +62,17 @@ def moderated(covariance: FloatArray, model_px2: FloatArray, dof: float) -> Floa
 
     Returns:
         (N, 2, 2), larger by the factor that makes two of its standard deviations hold 95 % in spite of the degrees of
-        freedom; at least the error of the fit of the peak.
+        freedom.
     """
     own = np.trace(covariance, axis1=1, axis2=2) / 2
     usual = model_px2 * (np.median(own / model_px2) if len(own) else 1.0)
     mean = (dof * covariance + _PRIOR_DOF * usual[:, None, None] * np.eye(2)) / (dof + _PRIOR_DOF)
     wider = (stdtrit(dof + _PRIOR_DOF, _TWO_SIGMA) / 2) ** 2
-    return np.asarray(mean * wider + _FLOOR_PX**2 * np.eye(2))
+    return np.asarray(mean * wider)
 
 
-def variance_factor(values: FloatArray, variance: FloatArray, apart: int) -> float:
-    """By how much the differences of windows exceed what their variances explain; at least 1.
+def variance_factor(values: FloatArray, variance: FloatArray, apart: int, usual: float = 1.0) -> float:
+    """By how much the differences of windows exceed what their variances explain, or fall short of it.
 
     The variance of unit weight of an adjustment, by medians, of the second differences in rows and columns, which
     a linear flow leaves at 0. A flow that curves more makes it larger.
@@ -82,6 +81,7 @@ def variance_factor(values: FloatArray, variance: FloatArray, apart: int) -> flo
         values: (rows, columns, 2); NaN where there are none.
         variance: (rows, columns, 2), of each component.
         apart: distance of windows that do not overlap, in rows and columns.
+        usual: the factor without differences, towards which that of few is drawn.
     """
     ratios = []
     for v, var in ((values, variance), (values.swapaxes(0, 1), variance.swapaxes(0, 1))):
@@ -90,4 +90,5 @@ def variance_factor(values: FloatArray, variance: FloatArray, apart: int) -> flo
         ratios.append(((v[before] - 2 * v[here] + v[after]) ** 2 / (var[before] + 4 * var[here] + var[after])).ravel())
     ratio = np.concatenate(ratios)
     known = ratio[np.isfinite(ratio)]
-    return max(float(np.median(known)) / _MEDIAN_SQUARE, 1.0) if len(known) >= _LEAST_DIFFERENCES else 1.0
+    told = float(np.median(known)) / _MEDIAN_SQUARE if len(known) else usual
+    return (len(known) * told + _PRIOR_DIFFERENCES * usual) / (len(known) + _PRIOR_DIFFERENCES)

@@ -10,7 +10,7 @@ long as it is still the same. Of each window that time counts by which its varia
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,10 +18,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.settings import Checked, setting
-from stab_ros.core.types import BoolArray, FloatArray, Gray, IdArray
+from stab_ros.core.types import BoolArray, FloatArray, IdArray
 from stab_ros.imaging.warp import INTERPOLATION
 from stab_ros.metrics.window_spectra import gaussian_peak
-from stab_ros.velocimetry.correlation_ensemble import BLOCKS, Ensemble, searched
+from stab_ros.velocimetry.correlation_ensemble import BLOCKS, Ensemble, prepared, searched
 from stab_ros.velocimetry.correlation_scatter import moderated, scatter_px2, sharpness_px2, variance_factor
 from stab_ros.velocimetry.intervals import IntervalFrames, IntervalMethod
 from stab_ros.velocimetry.lspiv_field import filled, widened, window_mean
@@ -32,10 +32,11 @@ from stab_ros.velocimetry.vectors import Unit, Vectors
 from stab_ros.velocimetry.vectors_join import joined
 
 _MOST_FRAMES = 128  # of an interval that are kept; of more, every second is let go
-_SEARCH_PAIRS = 8
+_FEW_PAIRS = 8  # to search, and to decide how far apart pictures are compared
 _SCATTER_DOF = 2.0 * (BLOCKS**2 - 1) / 2  # of a window's covariance; neighbouring blocks share texture
 _LONGER = 4  # times the time between the pictures of a pair, from pass to pass
 _REACH = 0.75  # half sides of what must be seen about a window, in sides: windows move by a quarter either way
+_PEAK_SIGMA_PX = 0.0006  # what the fit of a peak is off by, alike in windows side by side
 _LARGEST_STEP_PX = 0.5  # of the last pass: a larger one has found another peak
 
 
@@ -133,12 +134,22 @@ class _Windows:
         width, height = plane.grid.size
         self.errors = ErrorModel(plane.to_plane(np.array([[0.0, 0], [width, height]])))
 
+    def blocks(self, wanted: BoolArray) -> BoolArray:
+        """(r, c): which blocks the wanted windows, (N,), consist of."""
+        every, (rows, columns) = self.step_px * BLOCKS // self.side_px, self.shape
+        width, height = self.plane.grid.size
+        blocks = np.zeros((height * BLOCKS // self.side_px, width * BLOCKS // self.side_px), bool)
+        for dy, dx in np.ndindex(BLOCKS, BLOCKS):
+            each = blocks[dy::every, dx::every][:rows, :columns]
+            each |= wanted.reshape(self.shape)
+        return blocks
+
     def parts(self, blocks: FloatArray) -> FloatArray:
-        """(N, BLOCKS^2, 3, 3): what lies in each window, of all blocks (r, c, 3, 3)."""
+        """(N, BLOCKS^2, n): what lies in each window, of all blocks (r, c, n)."""
         every = self.step_px * BLOCKS // self.side_px
         views = sliding_window_view(blocks, (BLOCKS, BLOCKS), axis=(0, 1))[::every, ::every]
         views = views[: self.shape[0], : self.shape[1]]
-        return np.moveaxis(views, (4, 5), (2, 3)).reshape(-1, BLOCKS**2, 3, 3)
+        return np.moveaxis(views, 2, -1).reshape(-1, BLOCKS**2, blocks.shape[2])
 
 
 class _Pictures(IntervalFrames):
@@ -147,12 +158,12 @@ class _Pictures(IntervalFrames):
     def __init__(self, windows: _Windows) -> None:
         super().__init__(_MOST_FRAMES)
         self.windows = windows
-        self.pictures: list[Gray] = []
+        self.pictures: list[IdArray] = []
         self.seen: list[BoolArray] = []
 
     def keep(self, frame: PlacedFrame) -> None:
         windows = self.windows
-        self.pictures.append(windows.pictures.make(frame))
+        self.pictures.append(prepared(windows.pictures.make(frame), windows.side_px))
         self.seen.append(windows.pictures.shows(frame, windows.centres_px, _REACH * windows.side_px))
         self.errors.append(windows.errors.of(frame))
 
@@ -191,41 +202,60 @@ class _Found:
     pairs: IdArray
     dt_s: FloatArray
 
-    def part(self, keep: BoolArray) -> _Found:
-        return _Found(self.at[keep], self.velocity_px_s[keep], self.covariance_px2_s2[keep], self.pairs, self.dt_s)
+    def widened(self, factor: float, variance_px2_s2: float) -> _Found:
+        """With a covariance that is multiplied and added to."""
+        covariance = factor * self.covariance_px2_s2 + variance_px2_s2 * np.eye(2)
+        return replace(self, covariance_px2_s2=covariance)
 
 
-def _best(found: Sequence[_Found], count: int) -> list[_Found]:
-    """Each of `count` windows only where its variance is the smallest."""
-    variance = np.full((len(found), count), np.inf)
-    for row, one in zip(variance, found, strict=True):
-        row[one.at] = np.trace(one.covariance_px2_s2, axis1=1, axis2=2)
-    return [one.part(variance.argmin(axis=0)[one.at] == k) for k, one in enumerate(found)]
+@dataclass(frozen=True, eq=False)
+class _Level:
+    """velocity_px_s (N, 2) and variance_px2_s2 (N,), inf: unknown, by few pairs that are `gap` frames apart."""
+
+    gap: int
+    velocity_px_s: FloatArray
+    variance_px2_s2: FloatArray
 
 
 class _Search:
     """From a wide search to the last pass."""
 
-    def __init__(self, config: LspivConfig, pictures: Sequence[Gray], stamps_ns: IdArray, windows: _Windows,
+    def __init__(self, config: LspivConfig, pictures: Sequence[IdArray], stamps_ns: IdArray, windows: _Windows,
                  usable: BoolArray) -> None:
         self._config, self._pictures, self._windows, self._usable = config, pictures, windows, usable
         self._time_s = (stamps_ns - stamps_ns[0]) * 1e-9
         self._frame_s = float(np.median(np.diff(self._time_s)))
-        self._ensemble = Ensemble(pictures, windows.side_px)
+        self._ensemble = Ensemble(pictures, windows.side_px // BLOCKS)
 
     def run(self) -> list[_Found]:
-        """What each time between the pictures of a pair measures best: a window is in one of them at most."""
+        """Each window by all pairs, as far apart as a few of them measure it best."""
+        levels = self._levels()
+        variance = np.array([level.variance_px2_s2 for level in levels]).reshape(len(levels), len(self._usable))
+        known = np.isfinite(variance).any(axis=0)
+        at = [known & (variance.argmin(axis=0) == k) if known.any() else known for k in range(len(levels))]
+        return self._scaled([self._measured(level, here) for level, here in zip(levels, at, strict=True)
+                             if here.any()])
+
+    def _scaled(self, found: Sequence[_Found]) -> list[_Found]:
+        """With variances as large as the differences of windows side by side, of the same level as far as they tell.
+
+        And with the error of the fit of the peak, which these differences do not show.
+        """
+        usual = self._variance_factor(found, 1.0)
+        return [one.widened(self._variance_factor([one], usual), (_PEAK_SIGMA_PX / one.dt_s.mean()) ** 2)
+                for one in found]
+
+    def _levels(self) -> list[_Level]:
         velocity, clear, gap = self._first()
-        found: list[_Found] = []
+        levels: list[_Level] = []
         while clear.any():
-            velocity = self._pass(velocity, clear, gap)
-            found.append(self._measured(velocity, clear, gap))
-            velocity[found[-1].at] = found[-1].velocity_px_s
+            levels.append(self._level(velocity, clear, gap))
+            velocity = levels[-1].velocity_px_s
             if gap == self._longest_gap:
                 break
             gap = min(_LONGER * gap, self._longest_gap)
             clear = clear & (np.hypot(*velocity.T) * gap * self._frame_s <= self._windows.side_px / 2)
-        return _best(found, len(self._usable))
+        return levels
 
     def _first(self) -> tuple[FloatArray, BoolArray, int]:
         """Velocities (N, 2) by the wide search, which are clear (N,), and the frames between two pictures."""
@@ -234,49 +264,63 @@ class _Search:
             frame_px = self._config.max_speed_m_s / self._windows.plane.grid.resolution_m * self._frame_s
             gap = min(max(int(reach_px / frame_px), 1), self._longest_gap)
             reach_px = int(np.ceil(gap * frame_px)) + 1
-        pairs, at = self._pairs(gap, _SEARCH_PAIRS), np.flatnonzero(self._usable)
+        pairs, at = self._pairs(gap, _FEW_PAIRS), np.flatnonzero(self._usable)
         shift, ratio = searched(self._pictures, pairs, self._windows.centres_px[at], self._windows.side_px, reach_px)
         clear, velocity = self._usable.copy(), np.zeros((len(self._usable), 2))
         clear[at] = (ratio >= self._config.min_peak_ratio) & (np.abs(shift).max(axis=1, initial=0) < reach_px)
         velocity[at] = shift / self._dt_s(pairs).mean()
         return velocity, clear, gap
 
-    def _pass(self, velocity: FloatArray, clear: BoolArray, gap: int) -> FloatArray:
-        """Velocities improved by pairs that are `gap` frames apart; as they were where there is no peak."""
-        pairs = self._pairs(gap, _SEARCH_PAIRS)
-        expected, blocks = self._correlated(velocity, clear, pairs)
-        step = gaussian_peak(self._windows.parts(blocks).sum(axis=1))
-        return np.asarray(expected + np.nan_to_num(step) / self._dt_s(pairs).mean())
+    def _level(self, velocity: FloatArray, clear: BoolArray, gap: int) -> _Level:
+        """Velocities of clear windows improved by pairs that are `gap` frames apart, where there is a peak."""
+        pairs = self._pairs(gap, _FEW_PAIRS)
+        expected, parts = self._correlated(velocity, clear, clear, pairs)
+        near, mean_s = parts.sum(axis=1), self._dt_s(pairs).mean()
+        step = gaussian_peak(near)
+        improved, variance = velocity.copy(), np.full(len(velocity), np.inf)
+        improved[clear] = expected + np.nan_to_num(step) / mean_s
+        good = np.isfinite(step).all(axis=1) & (near[:, 1, 1] >= self._config.min_correlation)
+        covariance = moderated(scatter_px2(parts[good]), sharpness_px2(near[good]), _SCATTER_DOF)
+        variance[np.flatnonzero(clear)[good]] = np.trace(covariance, axis1=1, axis2=2) / mean_s**2
+        return _Level(gap, improved, variance)
 
-    def _measured(self, velocity: FloatArray, clear: BoolArray, gap: int) -> _Found:
-        pairs = self._pairs(gap, self._config.pairs)
-        expected, blocks = self._correlated(velocity, clear, pairs)
-        parts = self._windows.parts(blocks) / BLOCKS**2
+    def _measured(self, level: _Level, at: BoolArray) -> _Found:
+        pairs = self._pairs(level.gap, self._config.pairs)
+        clear = np.isfinite(level.variance_px2_s2)
+        expected, parts = self._correlated(level.velocity_px_s, clear, at, pairs)
         near = parts.sum(axis=1)
         step = gaussian_peak(near)
-        good = clear & (near[:, 1, 1] >= self._config.min_correlation) & (
+        good = (near[:, 1, 1] >= self._config.min_correlation) & (
             np.abs(step).max(axis=1, initial=0) <= _LARGEST_STEP_PX)  # NaN compares false
         dt_s = self._dt_s(pairs)
         mean_s = dt_s.mean()
-        measured = expected + step / mean_s
+        measured = (expected + step / mean_s)[good]
         covariance = moderated(scatter_px2(parts[good]), sharpness_px2(near[good]), _SCATTER_DOF) / mean_s**2
-        covariance *= self._variance_factor(measured, good, covariance)
-        return _Found(np.flatnonzero(good), measured[good], covariance, pairs, dt_s)
+        return _Found(np.flatnonzero(at)[good], measured, covariance, pairs, dt_s)
 
-    def _variance_factor(self, velocity: FloatArray, good: BoolArray, covariance: FloatArray) -> float:
-        shape = (*self._windows.shape, 2)
-        values, variance = np.where(good[:, None], velocity, np.nan), np.ones_like(velocity)
-        variance[good] = np.diagonal(covariance, axis1=1, axis2=2)
-        return variance_factor(values.reshape(shape), variance.reshape(shape), self._config.windows_per_side)
+    def _variance_factor(self, found: Sequence[_Found], usual: float) -> float:
+        shape = (len(self._usable), 2)
+        values, variance = np.full(shape, np.nan), np.ones(shape)
+        for one in found:
+            values[one.at], variance[one.at] = one.velocity_px_s, np.diagonal(one.covariance_px2_s2, axis1=1, axis2=2)
+        grid = (*self._windows.shape, 2)
+        return variance_factor(values.reshape(grid), variance.reshape(grid), self._config.windows_per_side, usual)
 
-    def _correlated(self, velocity: FloatArray, clear: BoolArray, pairs: IdArray) -> tuple[FloatArray, FloatArray]:
-        """The velocities (N, 2) that the pictures are drawn along, and the mean correlations (r, c, 3, 3) of blocks."""
+    def _correlated(self, velocity: FloatArray, clear: BoolArray, at: BoolArray, pairs: IdArray
+                    ) -> tuple[FloatArray, FloatArray]:
+        """Of the n windows `at`: velocities (n, 2) that they are drawn along, and correlations (n, BLOCKS^2, 3, 3).
+
+        clear: (N,), where `velocity` is known. A window's parts add up to its correlation, 1 where pictures are alike.
+        """
         windows = self._windows
         field = widened(filled(velocity.reshape(*windows.shape, 2), clear.reshape(windows.shape)))
-        first_px = windows.first_px - windows.step_px
-        blocks = [self._ensemble.blocks((a, b), dt_s * field, first_px, windows.step_px)
-                  for (a, b), dt_s in zip(pairs.tolist(), self._dt_s(pairs).tolist(), strict=True)]
-        return window_mean(field, self._config.windows_per_side).reshape(-1, 2), np.mean(blocks, axis=0)
+        first_px, wanted = windows.first_px - windows.step_px, windows.blocks(at)
+        total = sum(self._ensemble.blocks((a, b), dt_s * field, first_px, windows.step_px, wanted)
+                    for (a, b), dt_s in zip(pairs.tolist(), self._dt_s(pairs).tolist(), strict=True))
+        expected = window_mean(field, self._config.windows_per_side).reshape(-1, 2)
+        sums = windows.parts(np.asarray(total))[at]
+        power = np.maximum(sums[:, :, 9].sum(axis=1), 1e-9)
+        return expected[at], (sums[:, :, :9] / power[:, None, None]).reshape(-1, BLOCKS**2, 3, 3)
 
     @property
     def _longest_gap(self) -> int:

@@ -18,8 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
+from scipy.special import stdtrit
 
 from stab_ros.core.types import FloatArray, IdArray
+from stab_ros.velocimetry.stiv_standing import Compared, apparent_slope
 
 _SEARCH_LAGS = (1, 2, 3, 4)  # frames
 _SEARCH_STEP_PX = 0.25  # per frame
@@ -30,7 +32,9 @@ _LAGS = 8  # number of lags, even up to the longest
 _STRIPES = 12  # number of independent columns that is aimed at
 _NARROWEST_PX = 8  # of a column
 _END_PX = 8  # of the line on each side, which the band-pass blurs
-_STANDING = 2.3  # sizes of the pattern on its way, at which all is lost with what stands; found on rendered textures
+_STANDING = 0.9  # sizes of the pattern on its way, at which the slope is unknown; found on rendered textures
+_TWO_SIGMA = 0.97725  # share of a normal distribution below two standard deviations
+_LONG_WAY = 50.0  # sizes of the pattern: beyond, what is lost with what stands does not turn the slope
 _LEAST_SHARED = 0.4  # of the line: what a lag compares, else few samples are alike by chance
 _LEAST_WAY = 5.0  # of a pattern, in its sizes: below, too much of it is taken for standing
 _LOW_PASS_PX, _HIGH_PASS_PX = 1.0, 16.0  # standard deviations of Gaussians
@@ -97,12 +101,16 @@ class _Spectra:
         band = (1 - np.exp(-(self.k * _HIGH_PASS_PX) ** 2 / 2)) * np.exp(-(self.k * _LOW_PASS_PX) ** 2 / 2)
         self.rows: NDArray[np.complex128] = np.fft.rfft(image, self.width, axis=1) * band
 
+    def upright(self, velocity: float) -> NDArray[np.complex128]:
+        """The spectra (T, K) with what moves at `velocity` upright."""
+        return np.asarray(self.rows * np.exp(1j * self.k * velocity * self.time_s[:, None]))
+
     def sheared(self, velocity: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """The image with what moves at `velocity` upright, its derivative along the line, and 1 where it is seen.
 
         Each (T, width). The ends of the line, which stand still, are not counted as seen.
         """
-        turned = self.rows * np.exp(1j * self.k * velocity * self.time_s[:, None])
+        turned = self.upright(velocity)
         place_px = (np.arange(self.width) + velocity * self.time_s[:, None]) % self.width
         seen = (place_px >= _END_PX) & (place_px <= self.length_px - 1 - _END_PX)
         return (np.fft.irfft(turned, self.width, axis=1), np.fft.irfft(1j * self.k * turned, self.width, axis=1),
@@ -162,9 +170,11 @@ def _measured(spectra: _Spectra, velocity: float, longest: int) -> Slope | None:
     if sums is None or abs(velocity) * float(np.ptp(spectra.time_s)) < _LEAST_WAY * sums.size_px:
         return None
     step = float(sums.slope.sum() / sums.curve.sum())
-    pull = sums.slope - step * sums.curve
+    seen = sums.curve != 0
+    pull = (sums.slope - step * sums.curve)[seen]
     count = len(pull)
-    variance = float((pull**2).sum() * count / (count - 1) / sums.curve.sum() ** 2)
+    wider = float(stdtrit(count - 1, _TWO_SIGMA) / 2) ** 2  # so that two sigma hold 95 % in spite of few columns
+    variance = wider * float((pull**2).sum() * count / (count - 1) / sums.curve.sum() ** 2)
     variance += _lost_with_standing(velocity, sums.size_px, float(np.ptp(spectra.time_s)))
     return Slope(velocity + step, variance, sums.correlation, sums.pairs, sums.weights)
 
@@ -172,8 +182,8 @@ def _measured(spectra: _Spectra, velocity: float, longest: int) -> Slope | None:
 def _lost_with_standing(velocity: float, size_px: float, duration_s: float) -> float:
     """Variance, px^2/s^2, by what `cleaned` takes of a pattern that drifts only few of its sizes.
 
-    The mean that is taken out contains the pattern drawn out along its way, which pushes the slope away from upright:
-    by 7 % at a way of six sizes, by nothing that is seen beside noise at fifty.
+    The mean that is taken out contains the pattern drawn out along its way, which pushes the slope away from upright,
+    by 7 % at a way of six sizes. `apparent_slope` takes that back but for less than a tenth of it.
     """
     way_px = abs(velocity) * duration_s
     return float((velocity * (_STANDING * size_px / max(way_px, size_px)) ** 3) ** 2)
@@ -183,28 +193,32 @@ def _summed(spectra: _Spectra, velocity: float, longest: int) -> _Sums | None:
     """Slope and curvature of J at a velocity, by columns of the upright image; None: nothing is alike there."""
     image, slant, seen = spectra.sheared(velocity)
     image, slant = image * seen, slant * seen
-    slope, curve, pairs, shares, alike, total = 0.0, 0.0, [], [], 0.0, 0.0
+    slope, curve, lags, shares, alike, total = 0.0, 0.0, [], [], 0.0, 0.0
     for lag in np.unique(np.linspace(1, longest, min(_LAGS, longest)).astype(int)):
         two = spectra.pairs(int(lag))
         a, b = two.T
         dt_s = (spectra.time_s[b] - spectra.time_s[a])[:, None]
         power = float((image[a] ** 2 * seen[b]).sum() * (image[b] ** 2 * seen[a]).sum())
         rho = float((image[a] * image[b]).sum()) / np.sqrt(power) if power > 0 else 0.0
-        shared = float((seen[a] * seen[b]).sum()) / max(float(seen[a].sum()), 1.0)
+        both_seen = (seen[a] * seen[b]).sum(axis=1)
+        shared = float(both_seen.sum()) / max(float(seen[a].sum()), 1.0)
         weight = max(rho, 0.0) if shared >= _LEAST_SHARED else 0.0
         bend = weight * dt_s**2 * slant[a] * slant[b]
         both = image[a] * slant[b] * seen[a] - slant[a] * image[b] * seen[b]
         slope = slope + (weight * dt_s * both / 2).sum(axis=0)
         curve = curve + bend.sum(axis=0)
-        pairs.append(two)
+        lags.append(Compared(two, weight, both_seen / spectra.length_px))
         shares.append(weight * dt_s[:, 0] ** 2)
         alike, total = alike + weight * rho * len(two), total + weight * len(two)
     weights = np.concatenate(shares)
     if total <= 0 or np.sum(curve) <= 0:
         return None
     size_px = float(np.sqrt((image**2).sum() / (slant**2).sum()))
-    return _Sums(_columns(np.asarray(slope), spectra), _columns(np.asarray(curve), spectra), np.concatenate(pairs),
-                 weights / weights.sum(), alike / total, size_px)
+    if longest >= len(image) // 2 and abs(velocity) * float(np.ptp(spectra.time_s)) < _LONG_WAY * size_px:
+        apparent = apparent_slope(spectra.upright(velocity), spectra.k, velocity, spectra.time_s, lags)
+        slope = slope - apparent * curve / np.sum(curve)
+    return _Sums(_columns(np.asarray(slope), spectra), _columns(np.asarray(curve), spectra),
+                 np.concatenate([lag.pairs for lag in lags]), weights / weights.sum(), alike / total, size_px)
 
 
 def _columns(values: FloatArray, spectra: _Spectra) -> FloatArray:

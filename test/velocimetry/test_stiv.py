@@ -32,6 +32,15 @@ def test_the_slope_is_the_velocity_also_over_a_standing_pattern(speed: float, st
     assert (np.abs(error) < 3 * np.sqrt(vectors.covariance[:, 0, 0])).all()
 
 
+def test_slow_water_is_not_made_faster_by_what_is_taken_out_with_a_standing_pattern() -> None:
+    """It goes five sizes of its texture, and would be 3 % too fast."""
+    vectors = measured(MovingTexture(uniform(0.25), SIZE, seed=25), LINES, count=26)
+    assert vectors is not None
+    error = vectors.velocity_m_s[:, 0] - 0.25
+    assert np.abs(error).max() < 0.01 * 0.25
+    assert (np.abs(error) < 3 * np.sqrt(vectors.covariance[:, 0, 0])).all()
+
+
 def test_a_line_against_the_flow_gives_the_same_vector() -> None:
     scene = MovingTexture(uniform(0.5), SIZE, seed=22)
     one, other = (measured(scene, [line]) for line in (LINES[1], LINES[1][::-1].copy()))
