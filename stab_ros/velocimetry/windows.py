@@ -36,6 +36,7 @@ class Windows:
         template: (N, s, s) float32, zero mean, grey levels.
         levels: (3, N, s // 3, s // 3) float32, means over blocks of 3x3 px of the template, and of its second
             differences along x and y.
+        blur: (N, 2), how much of its second differences along x and y interpolation has added to the template.
         power: (N,) sum of template^2.
         gradient: (2, N, s, s) float32, smoothed derivatives along x and y.
         constant: (N, 12), mean of each steepest descent image, to be projected out.
@@ -48,6 +49,7 @@ class Windows:
     radius: int
     template: FloatArray
     levels: FloatArray
+    blur: FloatArray
     power: FloatArray
     gradient: FloatArray
     constant: FloatArray
@@ -62,7 +64,7 @@ class Windows:
     def put(self, which: IdArray, other: Windows) -> None:
         """Replaces the windows `which`, (n,), by the n ones of `other`."""
         self.gradient[:, which], self.levels[:, which] = other.gradient, other.levels
-        for name in ("template", "power", "constant", "likeness", "blurred", "response", "gram"):
+        for name in ("template", "blur", "power", "constant", "likeness", "blurred", "response", "gram"):
             getattr(self, name)[which] = getattr(other, name)
 
 
@@ -108,8 +110,8 @@ def _empty(n: int, radius: int) -> Windows:
     """Windows to be filled."""
     side, blocks, many = 2 * radius + 1, (2 * radius + 1) // _BLOCK, PARAMETERS
     return Windows(radius, np.empty((n, side, side), np.float32), np.empty((3, n, blocks, blocks), np.float32),
-                   np.empty(n), np.empty((2, n, side, side), np.float32), np.empty((n, many)), np.empty((n, many)),
-                   np.empty((n, many, 2)), np.empty((n, many, many)), np.empty((n, many, many)))
+                   np.empty((n, 2)), np.empty(n), np.empty((2, n, side, side), np.float32), np.empty((n, many)),
+                   np.empty((n, many)), np.empty((n, many, 2)), np.empty((n, many, many)), np.empty((n, many, many)))
 
 
 def _cut(gray: Gray, centres_px: FloatArray, radius: int) -> Windows:
@@ -126,8 +128,8 @@ def _cut(gray: Gray, centres_px: FloatArray, radius: int) -> Windows:
     response = images @ _steepest_descent(exact, radius).transpose(0, 2, 1)
     bends = _bends(wide, inner)
     blurred = images @ bends.reshape(2, len(bends[0]), -1).transpose(1, 2, 0)
-    return Windows(radius, np.ascontiguousarray(template), _levels(np.stack([template, *bends])), power,
-                   np.ascontiguousarray(gradient), constant.astype(float), likeness.astype(float),
+    return Windows(radius, np.ascontiguousarray(template), _levels(np.stack([template, *bends])), _blur(centres_px % 1),
+                   power, np.ascontiguousarray(gradient), constant.astype(float), likeness.astype(float),
                    blurred.astype(float), response.astype(float),
                    (images @ images.transpose(0, 2, 1)).astype(float))
 
@@ -147,8 +149,8 @@ def see(windows: Windows, chosen: IdArray, gray: Gray, places_px: FloatArray) ->
     def part(first: int, last: int) -> None:
         s = slice(first, last)
         _see(gray, places_px[s], chosen[s], windows.radius, windows.template, windows.power, windows.gradient,
-             windows.levels, windows.constant, windows.likeness, windows.blurred, seen.products[s], seen.gain[s],
-             seen.correlation[s], seen.noise[s])
+             windows.levels, windows.blur, windows.constant, windows.likeness, windows.blurred, seen.products[s],
+             seen.gain[s], seen.correlation[s], seen.noise[s])
 
     in_parallel(part, n, _LEAST_PER_THREAD)
     return seen
@@ -188,6 +190,11 @@ def _bends(wide: FloatArray, inner: slice) -> FloatArray:
                      for axis in (2, 1)])
 
 
+def _blur(fraction: FloatArray) -> FloatArray:
+    """How much of the second difference linear interpolation adds at a fraction of a pixel."""
+    return np.asarray(fraction * (1 - fraction) / 2)
+
+
 def _levels(values: FloatArray) -> FloatArray:
     """Means (K, N, b, b) of values (K, N, s, s) over blocks; rows and columns that fill no block are left out."""
     blocks = values.shape[2] // _BLOCK
@@ -205,11 +212,12 @@ def _steepest_descent(gradient: FloatArray, radius: int) -> FloatArray:
 
 # The helpers are inlined, so that fresh and cached code round alike (see `methods.patches`).
 @kernel((read(U8, 2), read(F64, 3), read(I64, 1), I64, read(F32, 3), read(F64, 1), read(F32, 4), read(F32, 4),
-         read(F64, 2), read(F64, 2), read(F64, 3), filled(F64, 2), filled(F64, 1), filled(F64, 1), filled(F64, 1)),
-        fastmath=True)
+         read(F64, 2), read(F64, 2), read(F64, 2), read(F64, 3), filled(F64, 2), filled(F64, 1), filled(F64, 1),
+         filled(F64, 1)), fastmath=True)
 def _see(gray: Gray, places: FloatArray, chosen: IdArray, radius: int, template: FloatArray, power: FloatArray,
-         gradient: FloatArray, blocks: FloatArray, constant: FloatArray, likeness: FloatArray, blurred: FloatArray,
-         products: FloatArray, gain: FloatArray, correlation: FloatArray, noise: FloatArray) -> None:
+         gradient: FloatArray, blocks: FloatArray, blur: FloatArray, constant: FloatArray, likeness: FloatArray,
+         blurred: FloatArray, products: FloatArray, gain: FloatArray, correlation: FloatArray,
+         noise: FloatArray) -> None:
     """Fills the last four arrays; they stay 0 for a window that is not completely inside the image, or flat."""
     height, width = gray.shape
     side = 2 * radius + 1
@@ -222,7 +230,8 @@ def _see(gray: Gray, places: FloatArray, chosen: IdArray, radius: int, template:
         if not (at[0, 0] - reach_x >= 0 and at[1, 0] - reach_y >= 0 and at[0, 0] + reach_x < width - 2
                 and at[1, 0] + reach_y < height - 2):
             continue
-        blur_x, blur_y = _sample(gray, at, radius, values)
+        more_x, more_y = _sample(gray, at, radius, values)
+        more_x, more_y = more_x - blur[p, 0], more_y - blur[p, 1]
         _project(values, gradient[0, p], gradient[1, p], radius, raw)
         total, square, along = 0.0, 0.0, 0.0
         for y in range(side):
@@ -237,7 +246,7 @@ def _see(gray: Gray, places: FloatArray, chosen: IdArray, radius: int, template:
             continue
         for y in range(len(expected)):
             for x in range(len(expected)):
-                expected[y, x] = blocks[0, p, y, x] + blur_x * blocks[1, p, y, x] + blur_y * blocks[2, p, y, x]
+                expected[y, x] = blocks[0, p, y, x] + more_x * blocks[1, p, y, x] + more_y * blocks[2, p, y, x]
         contrast, rest = _fitted(values, expected, left)
         if contrast <= 0:
             continue
@@ -245,7 +254,7 @@ def _see(gray: Gray, places: FloatArray, chosen: IdArray, radius: int, template:
         correlation[i] = along / np.sqrt(variance * power[p])
         for k in range(12):
             products[i, k] = ((raw[k] - constant[p, k] * total - likeness[p, k] * along) / gain[i]
-                              - blur_x * blurred[p, k, 0] - blur_y * blurred[p, k, 1])
+                              - more_x * blurred[p, k, 0] - more_y * blurred[p, k, 1])
 
 
 @inlined(fastmath=True)
@@ -297,7 +306,7 @@ def _sample(gray: Gray, at: FloatArray, radius: int, values: FloatArray) -> tupl
     At a fraction f of a pixel, linear interpolation adds f (1 - f) / 2 of the second difference to the image. The
     means of that factor along x and y are returned.
     """
-    width, blur_x, blur_y = gray.shape[1], np.float32(0), np.float32(0)
+    width, blur_x, blur_y = gray.shape[1], 0.0, 0.0
     pixels = gray.ravel()
     for i in range(2 * radius + 1):
         y = (i - radius) / radius
@@ -313,8 +322,7 @@ def _sample(gray: Gray, at: FloatArray, radius: int, values: FloatArray) -> tupl
             third, fourth = np.float32(pixels[k + width]), np.float32(pixels[k + width + 1])
             upper, lower = first + fx * (second - first), third + fx * (fourth - third)
             values[i, j] = upper + fy * (lower - upper)
-            blur_x += fx * (1 - fx)
-            blur_y += fy * (1 - fy)
+            blur_x, blur_y = blur_x + float(fx * (1 - fx)), blur_y + float(fy * (1 - fy))
     count = 2 * (2 * radius + 1) ** 2
     return blur_x / count, blur_y / count
 
