@@ -18,8 +18,11 @@ _FAR_SHARE = 0.3  # of the block: what is found further away is not what was exp
 _NOWHERE_PX = -1e6
 # Prior of the second-order terms of the displacement at the border of a window, as a share of the displacement. For a
 # parabolic profile of half width W and windows of half side r, r << W, they are (r / W)^2 of it. At the edge of the
-# water, where there is shear and no velocity, they are up to half of the first-order ones.
+# water, where there is shear and no velocity, they are up to half of the first-order ones. Most windows have far less:
+# the variance has a prior of its own, scaled inverse chi^2 with one degree of freedom, so the terms that the frames
+# before have shown say what it is in a window (Student's t as a scale mixture; Gelman et al. 2013, section 12.1).
 _CURVATURE, _KINK = 0.02, 0.3
+_SECOND_ORDER = 6  # second-order terms of both components
 # Error of a displacement by what is beyond the second order, as a share of second-order terms that are not those of a
 # smooth profile; measured at banks with the even seeds of bench/velocimetry/particles.py.
 _HIGHER_ORDER = 0.15
@@ -57,8 +60,10 @@ def compared(windows: Windows, which: IdArray, footprints: Footprints, frame: Pl
 
 
 def _prior_px(linear: FloatArray, moved_px: FloatArray, assumed_px: FloatArray) -> FloatArray:
-    """(n, 6), standard deviations of the coefficients of the displacement before anything is seen."""
+    """(n, 6), standard deviations of the coefficients of the displacement before this frame is seen."""
     bent = _CURVATURE * moved_px + _KINK * _linear_px(assumed_px)
+    squares = np.sum(assumed_px[:, :, 3:] ** 2, axis=(1, 2))
+    bent = np.where(squares > 0, np.sqrt((bent**2 + squares) / (1 + _SECOND_ORDER)), bent)
     return np.stack([np.zeros_like(linear), linear, linear, bent, bent, bent], axis=1)
 
 

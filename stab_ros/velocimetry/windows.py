@@ -21,6 +21,7 @@ from stab_ros.core.types import FloatArray, Gray, IdArray
 _SMOOTHING_PX, _BLUR_REACH = 1.5, 5  # of the instrument
 _MARGIN = _BLUR_REACH + 2  # and of the gradient
 _LEAST_PER_THREAD = 50
+_BLOCK = 3  # side of the blocks whose means tell the noise, px
 _CHUNK = 50  # windows that are cut together: their intermediate arrays stay in the processor's cache
 TERMS = 6  # of the polynomial of one component
 PARAMETERS = 2 * TERMS
@@ -33,20 +34,27 @@ class Windows:
     Attributes:
         radius: half the side, px.
         template: (N, s, s) float32, zero mean, grey levels.
+        levels: (3, N, s // 3, s // 3) float32, means over blocks of 3x3 px of the template, and of its second
+            differences along x and y.
+        blur: (N, 2), how much of its second differences along x and y interpolation has added to the template.
         power: (N,) sum of template^2.
         gradient: (2, N, s, s) float32, smoothed derivatives along x and y.
         constant: (N, 12), mean of each steepest descent image, to be projected out.
         likeness: (N, 12), share of the template in each, to be projected out.
+        blurred: (N, 12, 2), projected products of the template's second differences along x and y.
         response: (N, 12, 12), change of the projected products by the parameters.
         gram: (N, 12, 12), covariance of the products at unit noise.
     """
 
     radius: int
     template: FloatArray
+    levels: FloatArray
+    blur: FloatArray
     power: FloatArray
     gradient: FloatArray
     constant: FloatArray
     likeness: FloatArray
+    blurred: FloatArray
     response: FloatArray
     gram: FloatArray
 
@@ -55,8 +63,8 @@ class Windows:
 
     def put(self, which: IdArray, other: Windows) -> None:
         """Replaces the windows `which`, (n,), by the n ones of `other`."""
-        self.gradient[:, which] = other.gradient
-        for name in ("template", "power", "constant", "likeness", "response", "gram"):
+        self.gradient[:, which], self.levels[:, which] = other.gradient, other.levels
+        for name in ("template", "blur", "power", "constant", "likeness", "blurred", "response", "gram"):
             getattr(self, name)[which] = getattr(other, name)
 
 
@@ -68,8 +76,8 @@ class Seen:
         products: (n, 12), projected products of the image with the steepest descent images, at unit gain.
         gain: (n,) contrast relative to the template; 0 where the window is not completely inside the image, or flat.
         correlation: (n,) with the template.
-        noise: (n,) what the template does not explain, at unit gain: power at long wavelengths, as the variance of
-            the white noise that has it there, grey levels^2.
+        noise: (n,) what the template, as interpolation blurs it, does not explain, at unit gain: power at long
+            wavelengths, as the variance of the white noise that has it there, grey levels^2.
     """
 
     products: FloatArray
@@ -86,10 +94,8 @@ def cut_windows(gray: Gray, centres_px: FloatArray, radius: int) -> Windows:
         centres_px: (N, 2), whole or fractions of pixels; beyond the border of the image it is continued.
         radius: half the side, px.
     """
-    n, side = len(centres_px), 2 * radius + 1
-    windows = Windows(radius, np.empty((n, side, side), np.float32), np.empty(n),
-                      np.empty((2, n, side, side), np.float32), np.empty((n, PARAMETERS)), np.empty((n, PARAMETERS)),
-                      np.empty((n, PARAMETERS, PARAMETERS)), np.empty((n, PARAMETERS, PARAMETERS)))
+    n = len(centres_px)
+    windows = _empty(n, radius)
 
     def chunks(first: int, last: int) -> None:
         for start in range(first * _CHUNK, min(last * _CHUNK, n), _CHUNK):
@@ -98,6 +104,14 @@ def cut_windows(gray: Gray, centres_px: FloatArray, radius: int) -> Windows:
 
     in_parallel(chunks, -(-n // _CHUNK), least=1)
     return windows
+
+
+def _empty(n: int, radius: int) -> Windows:
+    """Windows to be filled."""
+    side, blocks, many = 2 * radius + 1, (2 * radius + 1) // _BLOCK, PARAMETERS
+    return Windows(radius, np.empty((n, side, side), np.float32), np.empty((3, n, blocks, blocks), np.float32),
+                   np.empty((n, 2)), np.empty(n), np.empty((2, n, side, side), np.float32), np.empty((n, many)),
+                   np.empty((n, many)), np.empty((n, many, 2)), np.empty((n, many, many)), np.empty((n, many, many)))
 
 
 def _cut(gray: Gray, centres_px: FloatArray, radius: int) -> Windows:
@@ -112,8 +126,11 @@ def _cut(gray: Gray, centres_px: FloatArray, radius: int) -> Windows:
     likeness = np.einsum("npk,nk->np", images, flat) / power[:, None]
     images -= constant[:, :, None] + likeness[:, :, None].astype(np.float32) * flat[:, None]
     response = images @ _steepest_descent(exact, radius).transpose(0, 2, 1)
-    return Windows(radius, np.ascontiguousarray(template), power, np.ascontiguousarray(gradient),
-                   constant.astype(float), likeness.astype(float), response.astype(float),
+    bends = _bends(wide, inner)
+    blurred = images @ bends.reshape(2, len(bends[0]), -1).transpose(1, 2, 0)
+    return Windows(radius, np.ascontiguousarray(template), _levels(np.stack([template, *bends])), _blur(centres_px % 1),
+                   power, np.ascontiguousarray(gradient), constant.astype(float), likeness.astype(float),
+                   blurred.astype(float), response.astype(float),
                    (images @ images.transpose(0, 2, 1)).astype(float))
 
 
@@ -132,7 +149,8 @@ def see(windows: Windows, chosen: IdArray, gray: Gray, places_px: FloatArray) ->
     def part(first: int, last: int) -> None:
         s = slice(first, last)
         _see(gray, places_px[s], chosen[s], windows.radius, windows.template, windows.power, windows.gradient,
-             windows.constant, windows.likeness, seen.products[s], seen.gain[s], seen.correlation[s], seen.noise[s])
+             windows.levels, windows.blur, windows.constant, windows.likeness, windows.blurred, seen.products[s],
+             seen.gain[s], seen.correlation[s], seen.noise[s])
 
     in_parallel(part, n, _LEAST_PER_THREAD)
     return seen
@@ -166,6 +184,24 @@ def _derivative(image: FloatArray, axis: int) -> FloatArray:
     return np.asarray((8 * (one[0] - one[1]) - (two[0] - two[1])) / 12)
 
 
+def _bends(wide: FloatArray, inner: slice) -> FloatArray:
+    """(2, N, s, s) second differences along x and y."""
+    return np.stack([(np.roll(wide, 1, axis) + np.roll(wide, -1, axis) - 2 * wide)[:, inner, inner]
+                     for axis in (2, 1)])
+
+
+def _blur(fraction: FloatArray) -> FloatArray:
+    """How much of the second difference linear interpolation adds at a fraction of a pixel."""
+    return np.asarray(fraction * (1 - fraction) / 2)
+
+
+def _levels(values: FloatArray) -> FloatArray:
+    """Means (K, N, b, b) of values (K, N, s, s) over blocks; rows and columns that fill no block are left out."""
+    blocks = values.shape[2] // _BLOCK
+    whole = values[:, :, : blocks * _BLOCK, : blocks * _BLOCK]
+    return np.asarray(whole.reshape(*whole.shape[:2], blocks, _BLOCK, blocks, _BLOCK).mean(axis=(3, 5)))
+
+
 def _steepest_descent(gradient: FloatArray, radius: int) -> FloatArray:
     """(N, 12, s * s) float32: change of the template by each parameter."""
     y, x = np.mgrid[-radius : radius + 1, -radius : radius + 1].astype(np.float32) / np.float32(radius)
@@ -175,23 +211,27 @@ def _steepest_descent(gradient: FloatArray, radius: int) -> FloatArray:
 
 
 # The helpers are inlined, so that fresh and cached code round alike (see `methods.patches`).
-@kernel((read(U8, 2), read(F64, 3), read(I64, 1), I64, read(F32, 3), read(F64, 1), read(F32, 4), read(F64, 2),
-         read(F64, 2), filled(F64, 2), filled(F64, 1), filled(F64, 1), filled(F64, 1)), fastmath=True)
+@kernel((read(U8, 2), read(F64, 3), read(I64, 1), I64, read(F32, 3), read(F64, 1), read(F32, 4), read(F32, 4),
+         read(F64, 2), read(F64, 2), read(F64, 2), read(F64, 3), filled(F64, 2), filled(F64, 1), filled(F64, 1),
+         filled(F64, 1)), fastmath=True)
 def _see(gray: Gray, places: FloatArray, chosen: IdArray, radius: int, template: FloatArray, power: FloatArray,
-         gradient: FloatArray, constant: FloatArray, likeness: FloatArray, products: FloatArray, gain: FloatArray,
-         correlation: FloatArray, noise: FloatArray) -> None:
+         gradient: FloatArray, blocks: FloatArray, blur: FloatArray, constant: FloatArray, likeness: FloatArray,
+         blurred: FloatArray, products: FloatArray, gain: FloatArray, correlation: FloatArray,
+         noise: FloatArray) -> None:
     """Fills the last four arrays; they stay 0 for a window that is not completely inside the image, or flat."""
     height, width = gray.shape
     side = 2 * radius + 1
     count = side * side
-    values, raw, levels = np.empty((side, side), np.float32), np.empty(12), np.empty((side // 3, side // 3))
+    values, raw = np.empty((side, side), np.float32), np.empty(12)
+    expected, left = np.empty(blocks.shape[2:]), np.empty(blocks.shape[2:])
     for i in range(len(chosen)):
         p, at = chosen[i], places[i]
         reach_x, reach_y = np.sum(np.abs(at[0, 1:])), np.sum(np.abs(at[1, 1:]))
         if not (at[0, 0] - reach_x >= 0 and at[1, 0] - reach_y >= 0 and at[0, 0] + reach_x < width - 2
                 and at[1, 0] + reach_y < height - 2):
             continue
-        _sample(gray, at, radius, values)
+        more_x, more_y = _sample(gray, at, radius, values)
+        more_x, more_y = more_x - blur[p, 0], more_y - blur[p, 1]
         _project(values, gradient[0, p], gradient[1, p], radius, raw)
         total, square, along = 0.0, 0.0, 0.0
         for y in range(side):
@@ -204,43 +244,69 @@ def _see(gray: Gray, places: FloatArray, chosen: IdArray, radius: int, template:
         variance = square - total * total / count
         if variance <= 0 or along <= 0:
             continue
-        gain[i] = along / power[p]
+        for y in range(len(expected)):
+            for x in range(len(expected)):
+                expected[y, x] = blocks[0, p, y, x] + more_x * blocks[1, p, y, x] + more_y * blocks[2, p, y, x]
+        contrast, rest = _fitted(values, expected, left)
+        if contrast <= 0:
+            continue
+        gain[i], noise[i] = contrast, rest / contrast**2
         correlation[i] = along / np.sqrt(variance * power[p])
-        noise[i] = _low_noise(values, template[p], total / count, gain[i], levels) / gain[i] ** 2
         for k in range(12):
-            products[i, k] = (raw[k] - constant[p, k] * total - likeness[p, k] * along) / gain[i]
+            products[i, k] = ((raw[k] - constant[p, k] * total - likeness[p, k] * along) / gain[i]
+                              - more_x * blurred[p, k, 0] - more_y * blurred[p, k, 1])
 
 
 @inlined(fastmath=True)
-def _low_noise(values: FloatArray, template: FloatArray, mean: float, gain: float, levels: FloatArray) -> float:
-    """Variance of white noise that has the power of the residuals at the wavelengths of the filters.
+def _fitted(values: FloatArray, expected: FloatArray, left: FloatArray) -> tuple[float, float]:
+    """The contrast relative to what is expected, and the noise beside it.
 
-    By means over blocks of 3x3 px: at short wavelengths interpolation takes noise away, to which the smooth filters do
-    not respond. What has changed in the texture of the water is correlated between blocks, which adds to its power.
-    levels: (blocks, blocks), is overwritten.
+    The noise is the variance of white noise that has the power of the residuals at the wavelengths of the filters. By
+    means over blocks of 3x3 px: at short wavelengths interpolation takes noise away, to which the smooth filters do not
+    respond, and there the noise of the template makes the contrast seem lower than it is, which would leave a share of
+    the texture among the residuals. What has changed in the texture of the water is correlated between blocks, which
+    adds to its power. The 12 parameters, contrast and mean took 14 times the result out of the residuals.
+
+    Args:
+        values: (s, s).
+        expected: (blocks, blocks), what is expected of the means.
+        left: (blocks, blocks), is overwritten.
     """
-    blocks, power, alike = len(levels), 0.0, 0.0
+    blocks, count, total, mean, square, along = len(left), left.size, 0.0, 0.0, 1e-9, 0.0
     for i in range(blocks):
         for j in range(blocks):
             level = np.float32(0)
             for y in range(3 * i, 3 * i + 3):
                 for x in range(3 * j, 3 * j + 3):
-                    level += values[y, x] - np.float32(mean) - np.float32(gain) * template[y, x]
-            levels[i, j] = level / 3
-            power += levels[i, j] * levels[i, j]
+                    level += values[y, x]
+            left[i, j] = level / 9
+            total, mean = total + left[i, j] / count, mean + expected[i, j] / count
+    for i in range(blocks):
+        for j in range(blocks):
+            square += (expected[i, j] - mean) ** 2
+            along += (expected[i, j] - mean) * (left[i, j] - total)
+    gain, power, alike = along / square, 0.0, 0.0
+    for i in range(blocks):
+        for j in range(blocks):
+            left[i, j] = 3 * (left[i, j] - total - gain * (expected[i, j] - mean))
+            power += left[i, j] * left[i, j]
             if i > 0:
-                alike += levels[i, j] * levels[i - 1, j]
+                alike += left[i, j] * left[i - 1, j]
             if j > 0:
-                alike += levels[i, j] * levels[i, j - 1]
+                alike += left[i, j] * left[i, j - 1]
     neighbours = 2 * blocks * (blocks - 1)
-    correlation = max(alike / neighbours * blocks * blocks / max(power, 1e-9) - 0.1, 0.0)  # of white noise: 0 +- 0.07
-    return power / max(blocks * blocks - 14, 1) * (1 + 2 * correlation) + 1 / 12
+    colour = 1 + 2 * max(alike / neighbours * count / max(power, 1e-9), 0.0)
+    return gain, power * colour / max(count - 14 * colour, 1) + 1 / 12
 
 
 @inlined(fastmath=True)
-def _sample(gray: Gray, at: FloatArray, radius: int, values: FloatArray) -> None:
-    """Bilinear samples on the grid of a window at the places `at`, (2, 6)."""
-    width = gray.shape[1]
+def _sample(gray: Gray, at: FloatArray, radius: int, values: FloatArray) -> tuple[float, float]:
+    """Bilinear samples on the grid of a window at the places `at`, (2, 6), and how they are blurred.
+
+    At a fraction f of a pixel, linear interpolation adds f (1 - f) / 2 of the second difference to the image. The
+    means of that factor along x and y are returned.
+    """
+    width, blur_x, blur_y = gray.shape[1], 0.0, 0.0
     pixels = gray.ravel()
     for i in range(2 * radius + 1):
         y = (i - radius) / radius
@@ -256,6 +322,9 @@ def _sample(gray: Gray, at: FloatArray, radius: int, values: FloatArray) -> None
             third, fourth = np.float32(pixels[k + width]), np.float32(pixels[k + width + 1])
             upper, lower = first + fx * (second - first), third + fx * (fourth - third)
             values[i, j] = upper + fy * (lower - upper)
+            blur_x, blur_y = blur_x + float(fx * (1 - fx)), blur_y + float(fy * (1 - fy))
+    count = 2 * (2 * radius + 1) ** 2
+    return blur_x / count, blur_y / count
 
 
 @inlined(fastmath=True)

@@ -50,6 +50,13 @@ def test_velocities_are_true_within_their_own_sigma(water: Water) -> None:
     assert 0.6 <= np.median(np.abs(ratio)) / 0.6745 <= 1.35
 
 
+def test_sigmas_of_slow_water_are_not_too_large() -> None:
+    water = Water(uniform(4, 1), size=SIZE)
+    _, ratio = errors(water, measured(water, 13, extract_s=12 / FPS))
+    assert (np.abs(ratio) < 2).mean() >= 0.9
+    assert 0.75 <= np.median(np.abs(ratio)) / 0.6745 <= 1.3
+
+
 def test_a_scale_on_the_plane_scales_vectors_and_sigmas() -> None:
     still = Water(uniform(50, 0), size=SIZE)
     in_m = replace(still, flow=uniform(0.5, 0), scale=0.01, camera_at=lambda _t: np.diag([0.01, 0.01, 1.0]))

@@ -3,11 +3,25 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from moving_water import Water, uniform
 
 from stab_ros.velocimetry.alignment import Pose, align
 from stab_ros.velocimetry.posterior import solve
-from stab_ros.velocimetry.windows import TERMS, cut_windows, see
+from stab_ros.velocimetry.windows import TERMS, Seen, Windows, cut_windows, see
+
+RADIUS = 15
+
+
+def moved_by(shift_px: float, noise: float, contrast: float) -> tuple[Windows, Seen]:
+    """Windows of a texture, and how they are seen exactly where it has moved to."""
+    water = Water(uniform(25 * shift_px, 25 * shift_px), noise=noise, contrast=contrast)
+    x, y = (one.ravel() for one in np.meshgrid(np.arange(30, 210, 15.0), np.arange(30, 150, 15.0)))
+    centres = np.column_stack([x, y])
+    windows = cut_windows(water.gray(0), centres, RADIUS)
+    places = np.zeros((len(centres), 2, TERMS))
+    places[:, :, 0], places[:, 0, 1], places[:, 1, 2] = centres + shift_px, RADIUS, RADIUS
+    return windows, see(windows, np.arange(len(centres)), water.gray(1 / 25), places)
 
 
 def test_the_solver_gives_the_mode_and_covariance_of_the_posterior() -> None:
@@ -54,3 +68,19 @@ def test_a_window_outside_the_image_is_not_seen() -> None:
     seen = see(windows, np.array([0, 0]), gray, places)
     assert seen.gain[0] > 0.99
     assert seen.gain[1] == 0
+
+
+@pytest.mark.parametrize("contrast", [10.0, 40.0])
+def test_interpolation_between_pixels_is_neither_noise_nor_motion(contrast: float) -> None:
+    _, whole = moved_by(1.0, 1.0, contrast)
+    windows, half = moved_by(1.5, 1.0, contrast)
+    assert 0.6 < np.median(half.noise) / np.median(whole.noise) < 1.4
+    variance = np.einsum("nii->ni", windows.gram) * half.noise[:, None]
+    assert 0.7 < np.mean(half.products**2 / variance) < 1.3
+
+
+def test_noise_of_the_template_is_not_taken_for_less_contrast() -> None:
+    windows, seen = moved_by(1.0, 4.0, 8.0)
+    assert 4.0**2 > 0.2 * windows.power.mean() / (2 * RADIUS + 1) ** 2
+    np.testing.assert_allclose(np.median(seen.gain), 1, atol=0.06)
+    assert 0.8 < np.median(seen.noise) / (2 * 4.0**2) < 1.5
