@@ -1,8 +1,8 @@
 """Monte Carlo over all that makes a discharge uncertain.
 
-A draw takes one alpha, one water level, one value of every error that all vectors share and one way of filling for the
-whole section, and for each vertical a velocity and a bed height of its own. So errors that are shared do not average
-out over the verticals, and those of single verticals do.
+A draw takes one alpha, one water level, one value of every error that all vectors share and one error of filling on
+each side for the whole section, and for each vertical a velocity and a bed height of its own. So errors that are shared
+do not average out over the verticals, and those of single verticals do.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Noise:
         velocity_m_s: (N,), of the velocity at each vertical by itself.
         shared_m_s: (N, K), change of the velocities by one standard deviation of each shared error.
         filling_m_s: (N,), of filled velocities, which err together on each side of the measured ones; where any is
-            above 0, the way of filling is drawn too.
+            above 0, the way of filling is drawn too, unless it is kriging.
         verticals: of the discharge, relative, by the number of verticals.
     """
 

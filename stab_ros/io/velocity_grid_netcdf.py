@@ -52,18 +52,24 @@ def write_grid_netcdf(path: Path, grids: Sequence[TimedGrid], unit: Unit, local_
         raise WorkError(f"{path}: {len(grids)} grids of {columns} x {rows} cells exceed {_MOST_CELLS}; grid_m must be "
                         "larger")
     first_ns = grids[0].stamp_ns if grids else 0
-    side_m = next((one.grid.side_m for one in grids if len(one.grid.cell)), 1.0)
-    x, y = ((low[axis] + np.arange(size) + 0.5) * side_m for axis, size in enumerate((columns, rows)))
-    beside = {**_axes(x, y, unit), **_times(grids, first_ns)}
-    if local_frame is not None and unit == "m":
-        columns_m, rows_m = np.meshgrid(x, y)
-        up_m = grids[0].wse_m if grids else 0.0
-        beside |= geodetic(local_frame, columns_m, rows_m, up_m, ("y", "x"))
+    beside = _beside(grids, low, (rows, columns), unit, local_frame if unit == "m" else None)
     coordinates = " ".join(name for name in beside if name not in _CUBE)
     variables = {**beside, **_cubes(grids, low, (rows, columns), unit, coordinates)}
     about = {"title": "Surface velocities of water from video, on a grid", "first_stamp_ns": str(first_ns),
              **origin_of(local_frame)}
     write_variables(path, about, {"time": len(grids), "y": rows, "x": columns}, variables)
+
+
+def _beside(grids: Sequence[TimedGrid], low: IdArray, shape: tuple[int, int], unit: Unit,
+            local_frame: LocalFrame | None) -> dict[str, Variable]:
+    """Where and when: axes, times, and where it is known the place on the Earth."""
+    side_m = next((one.grid.side_m for one in grids if len(one.grid.cell)), 1.0)
+    x, y = ((low[axis] + np.arange(size) + 0.5) * side_m for axis, size in enumerate(reversed(shape)))
+    beside = {**_axes(x, y, unit), **_times(grids, grids[0].stamp_ns if grids else 0, unit)}
+    if local_frame is None:
+        return beside
+    columns_m, rows_m = np.meshgrid(x, y)
+    return beside | geodetic(local_frame, columns_m, rows_m, grids[0].wse_m if grids else 0.0, ("y", "x"))
 
 
 def _borders(cells: Sequence[IdArray]) -> tuple[IdArray, IdArray]:
@@ -84,12 +90,15 @@ def _axes(x: FloatArray, y: FloatArray, unit: Unit) -> dict[str, Variable]:
                                       "units": "m", "axis": "Y"})}
 
 
-def _times(grids: Sequence[TimedGrid], first_ns: int) -> dict[str, Variable]:
+def _times(grids: Sequence[TimedGrid], first_ns: int, unit: Unit) -> dict[str, Variable]:
+    """Stamps, and in the map the elevation of the water at each."""
     seconds = np.array([(one.stamp_ns - first_ns) / 1e9 for one in grids])
-    return {"time": Variable(("time",), seconds, {"standard_name": "time", "long_name": "end of the interval",
-                                                  "axis": "T", **since(first_ns)}),
-            "z": Variable(("time",), np.array([one.wse_m for one in grids]), {
-                "long_name": "water surface elevation in the map", "units": "m", "positive": "up"})}
+    time = Variable(("time",), seconds, {"standard_name": "time", "long_name": "end of the interval", "axis": "T",
+                                         **since(first_ns)})
+    if unit == "px":
+        return {"time": time}
+    return {"time": time, "z": Variable(("time",), np.array([one.wse_m for one in grids]), {
+        "long_name": "water surface elevation in the map", "units": "m", "positive": "up"})}
 
 
 def _cubes(grids: Sequence[TimedGrid], low: IdArray, shape: tuple[int, int], unit: Unit, coordinates: str
@@ -108,7 +117,7 @@ def _cubes(grids: Sequence[TimedGrid], low: IdArray, shape: tuple[int, int], uni
         values[:, number, at[:, 1], at[:, 0]] = _figures(one.grid)
         count[number, at[:, 1], at[:, 0]] = one.grid.count
     beside = {"vx": "var_vx count", "vy": "var_vy count"}
-    where = {"coordinates": coordinates}
+    where = {"coordinates": coordinates} if coordinates else {}
     made = {name: Variable(_CUBE, values[k], {**_attributes(text, units, beside.get(name)), **where})
             for k, (name, text, units) in enumerate(named)}
     return {**made, "count": Variable(_CUBE, count, {"long_name": "number of vectors", "units": "1", **where})}

@@ -106,7 +106,7 @@ def draws_panel(found: Discharge) -> Panel:
     label(axes, "discharge, m³/s", "draws")
     legend(axes, columns=2)
     return drawn(figure, "Monte Carlo", f"{len(found.drawn_m3_s)} draws of alpha, water level, bed, vectors, the "
-                 "errors that all vectors share, the way of filling, and the number of verticals where it is small.",
+                 "errors that all vectors share, the filling, and the number of verticals where it is small.",
                  "Histogram of the drawn discharges.")
 
 

@@ -125,6 +125,15 @@ def test_grid_without_vectors(tmp_path: Path, grids: list[TimedGrid]) -> None:
         assert file.variables["count"][:].sum() == 0
 
 
+def test_a_grid_in_pixels_has_no_elevation(tmp_path: Path) -> None:
+    write_grid_netcdf(tmp_path / "G.nc", [TimedGrid(10**9, 0.0, on_grid(random_vectors(9, 0, "px"), 2.0))], "px")
+    opened: Any = netcdf_file(tmp_path / "G.nc", "r", mmap=False)
+    with opened as file:
+        assert file.variables["count"][:].sum() == 9
+        assert "z" not in file.variables
+        assert not hasattr(file.variables["vx"], "coordinates")
+
+
 def test_a_huge_grid_is_refused(tmp_path: Path) -> None:
     with pytest.raises(WorkError, match="grid_m must be larger"):
         write_grid_netcdf(tmp_path / "G.nc", [TimedGrid(1, 0.0, on_grid(random_vectors(9), 1e-4))], "m")
