@@ -8,6 +8,7 @@ section 2.2), which has no such bias.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,11 +61,13 @@ def local_change(offset_m: FloatArray, velocity_m_s: FloatArray, reach_m: float,
     scale = np.array([1, reach_m, reach_m, reach_m**2, reach_m**2])
     design = np.column_stack([np.ones(len(offset_m)), _terms(offset_m)]) / scale
     prior = np.diag([0.0, *1 / np.maximum(usual * scale[1:], 1e-9) ** 2])
-    off = velocity_m_s - np.median(velocity_m_s)
+    off, free = velocity_m_s - np.median(velocity_m_s), float(len(velocity_m_s))
     for _ in range(_ROUNDS):
-        noise = max(_MAD * float(np.median(np.abs(off))), _LEAST_M_S)
+        noise = max(_MAD * float(np.median(np.abs(off))) * math.sqrt(len(off) / free), _LEAST_M_S)
         weight = near * np.maximum(1 - (off / (_ROBUST * noise)) ** 2, 0) ** 2
-        inverse = np.linalg.pinv((design.T * weight) @ design / noise**2 + prior, hermitian=True)
+        information = (design.T * weight) @ design / noise**2
+        inverse = np.linalg.pinv(information + prior, hermitian=True)
+        free = max(len(off) - float(np.trace(inverse @ information)), 1.0)  # what the surface itself takes is not noise
         surface = inverse @ (design.T @ (weight * velocity_m_s)) / noise**2
         off = velocity_m_s - design @ surface
     return Change((surface / scale)[1:], (inverse / np.outer(scale, scale))[1:, 1:])
