@@ -125,7 +125,7 @@ def look_again(tracks: Tracks, kept_look: BoolArray, first: PlacedFrame, last: P
                config: VelocityConfig) -> None:
     """Mends the tracks of an interval in which features were dragged off the water, or lets go of them.
 
-    Where that is not seen, nothing is changed.
+    Where that is not seen, nothing is changed. What is found at rest counts as bed, unless its neighbours rest, too.
 
     Args:
         tracks: finished; those that are let go are marked in `tracks.dragged`.
@@ -141,8 +141,9 @@ def look_again(tracks: Tracks, kept_look: BoolArray, first: PlacedFrame, last: P
     found = look.along_tracks()
     if not _are_dragged(tracks, which, found):
         return
-    look.beside_neighbours(found, np.flatnonzero(tracks.alive & kept_look))
-    sure = found.sure & ~found.at_rest
+    kept = np.flatnonzero(tracks.alive & kept_look)
+    look.beside_neighbours(found, kept)
+    sure = found.sure & (~found.at_rest | _amid_still(tracks, which, kept))
     tracks.put_end(which[sure], found.at_px[sure], found.moved_m[sure], found.covariance_m2[sure])
     tracks.dragged = ~kept_look & (tracks.end_frame > 0)
     tracks.dragged[which[sure]] = False
@@ -157,6 +158,16 @@ def _are_dragged(tracks: Tracks, which: IdArray, found: Sightings) -> bool:
     covariance = tracks.covariance_m2[these] + found.covariance_m2[sure]
     apart = int(np.count_nonzero(_squares(off_m, covariance) > _CHI2_99))
     return apart >= _FEWEST and apart > _MOST_APART * len(these)
+
+
+def _amid_still(tracks: Tracks, which: IdArray, kept: IdArray) -> BoolArray:
+    """(n,) bool, whether most neighbours of the tracks `which`, (n,), among those `kept`, (m,), have not moved."""
+    if len(kept) < _NEIGHBOURS:
+        return np.zeros(len(which), bool)
+    start_m = tracks.places_m[0]
+    still = _squares(tracks.places_m[-1][kept] - start_m[kept], tracks.covariance_m2[kept]) <= _CHI2_99
+    _, nearest = cKDTree(start_m[kept]).query(start_m[which], k=_NEIGHBOURS)
+    return np.asarray(np.mean(still[nearest], axis=1) > 0.5)
 
 
 def _squares(way_m: FloatArray, covariance_m2: FloatArray) -> FloatArray:
