@@ -24,7 +24,7 @@ from stab_ros.velocimetry.tracks import Tracks
 from stab_ros.velocimetry.windows import TERMS, cut_windows
 
 # Correlation with the first look at which a feature counts as found, and how much above that at any other place. Found
-# with the bed of peers_disturbances.py: of 392 features that had lost their look 268 are found, 2 % of them wrongly.
+# with the bed of bench/velocimetry/peers_disturbances.py: of features that had lost it two thirds are found.
 _LEAST_ALIKE, _AHEAD = 0.45, 0.1
 _SAME_PX = 2.0  # places so near to each other are one
 _NEIGHBOURS, _ROUNDS = 8, 2
@@ -102,7 +102,7 @@ class SecondLook:
             rest = np.flatnonzero(~found.sure)
             if len(known) < _NEIGHBOURS or not len(rest):
                 return
-            _, nearest = cKDTree(known).query(self._start_m[self._which[rest]], k=_NEIGHBOURS)
+            nearest = np.asarray(cKDTree(known).query(self._start_m[self._which[rest]], k=_NEIGHBOURS)[1])
             for k in range(_NEIGHBOURS):
                 found.take(rest, self._near(rest, gone_m[nearest[:, k]]))
 
@@ -166,7 +166,7 @@ def _amid_still(tracks: Tracks, which: IdArray, kept: IdArray) -> BoolArray:
         return np.zeros(len(which), bool)
     start_m = tracks.places_m[0]
     still = _squares(tracks.places_m[-1][kept] - start_m[kept], tracks.covariance_m2[kept]) <= _CHI2_99
-    _, nearest = cKDTree(start_m[kept]).query(start_m[which], k=_NEIGHBOURS)
+    nearest = np.asarray(cKDTree(start_m[kept]).query(start_m[which], k=_NEIGHBOURS)[1])
     return np.asarray(np.mean(still[nearest], axis=1) > 0.5)
 
 
