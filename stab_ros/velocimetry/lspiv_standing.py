@@ -19,7 +19,7 @@ from stab_ros.velocimetry.correlation_blocks import from_spline
 _LEAST_ALIKE = 0.25  # correlation of the two means
 _LEAST_SHARE = 0.05  # of the power of the pictures; of less than that no peak is drawn aside
 _LONG_WAY_PX = 10.0  # of water in the interval that leaves next to nothing in common to its quarters
-_SHORTEST_WAY_PX = 4.0  # of water that is told from what stands by how much slower it seems to be with it
+_SHORTEST_WAY_PX = 6.0  # of water that is told from what stands by how much slower it seems to be with it
 _SLOWER, _MUCH_SLOWER = 0.85, 0.65  # times as fast, after a long and a short way
 _LOST_PX = 4.5  # way on which the mean takes all of a moving pattern: twice the band-pass's correlation length
 
