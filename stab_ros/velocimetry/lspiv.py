@@ -26,6 +26,7 @@ from stab_ros.velocimetry.correlation_scatter import moderated, scatter_px2, sha
 from stab_ros.velocimetry.intervals import IntervalFrames, IntervalMethod
 from stab_ros.velocimetry.lspiv_field import filled, widened, window_mean
 from stab_ros.velocimetry.lspiv_plane import Plane, PlanePictures, in_polygons
+from stab_ros.velocimetry.lspiv_standing import Without, goes, may_stand, over_bed, relative_bias
 from stab_ros.velocimetry.placed_frame import PlacedFrame
 from stab_ros.velocimetry.shared_errors import ErrorModel, Measured
 from stab_ros.velocimetry.vectors import Unit, Vectors
@@ -37,6 +38,7 @@ _SCATTER_DOF = 2.0 * (BLOCKS**2 - 1) / 2  # of a window's covariance; neighbouri
 _LONGER = 4  # times the time between the pictures of a pair, from pass to pass
 _REACH = 0.75  # half sides of what must be seen about a window, in sides: windows move by a quarter either way
 _PEAK_SIGMA_PX = 0.0006  # what the fit of a peak is off by, alike in windows side by side
+_LARGEST_SIGMA = 0.25  # of the speed of water that is seen beside what stands still
 _LARGEST_STEP_PX = 0.5  # of the last pass: a larger one has found another peak
 
 
@@ -173,9 +175,37 @@ class _Pictures(IntervalFrames):
     def measured(self, config: LspivConfig, unit: Unit, first_id: int) -> Vectors | None:
         """The vectors of all windows that are seen in each frame and have a clear peak; None: there are none."""
         usable = np.logical_and.reduce([*self.seen, self.windows.on_water])
-        found = _Search(config, self.pictures, np.array(self.stamps_ns), self.windows, usable).run()
+        found = self._found(config, usable)
         parts = [self._as_vectors(config, unit, part, first_id) for part in found if len(part.at)]
         return joined(parts) if parts else None
+
+    def _found(self, config: LspivConfig, usable: BoolArray) -> list[_Found]:
+        """In the pictures as they are; over a bed, without what stands still in them; none where neither is sure."""
+        may = usable & may_stand(self.pictures, self.windows.centres_px, self.windows.side_px)
+        moving = self._searched(config, Without(self.pictures), usable) if may.any() else []
+        moving = [one.only(one.is_sure()) for one in moving]
+        way_px = self._way_px(moving)
+        sure = may & goes(way_px)
+        plain = self._searched(config, self.pictures, usable & ~sure)
+        plain_way_px = self._way_px(plain)
+        bed = sure | over_bed(way_px, plain_way_px)
+        told = ~bed & ~(may & goes(plain_way_px))  # what goes so far has nothing in common with what was there
+        return [*(one.only(told[one.at]) for one in plain), *(self._over_bed(one.only(bed[one.at])) for one in moving)]
+
+    def _searched(self, config: LspivConfig, pictures: Sequence[IdArray], usable: BoolArray) -> list[_Found]:
+        return _Search(config, pictures, np.array(self.stamps_ns), self.windows, usable).run()
+
+    def _way_px(self, found: Sequence[_Found]) -> FloatArray:
+        """(N,) in the interval, of all windows; NaN: not found."""
+        way_px = np.full(len(self.windows.centres_px), np.nan)
+        for one in found:
+            way_px[one.at] = np.hypot(*one.velocity_px_s.T) * (self.stamps_ns[-1] - self.stamps_ns[0]) * 1e-9
+        return way_px
+
+    def _over_bed(self, found: _Found) -> _Found:
+        """With the error by what the mean takes of the water."""
+        bias = relative_bias(self._way_px([found])[found.at])
+        return found.widened(1.0, (bias * np.hypot(*found.velocity_px_s.T)) ** 2)
 
     def _as_vectors(self, config: LspivConfig, unit: Unit, found: _Found, first_id: int) -> Vectors:
         plane = self.windows.plane
@@ -202,9 +232,19 @@ class _Found:
     pairs: IdArray
     dt_s: FloatArray
 
-    def widened(self, factor: float, variance_px2_s2: float) -> _Found:
-        """With a covariance that is multiplied and added to."""
-        covariance = factor * self.covariance_px2_s2 + variance_px2_s2 * np.eye(2)
+    def only(self, these: BoolArray) -> _Found:
+        """Those of the windows, (N,)."""
+        return replace(self, at=self.at[these], velocity_px_s=self.velocity_px_s[these],
+                       covariance_px2_s2=self.covariance_px2_s2[these])
+
+    def is_sure(self) -> BoolArray:
+        """(N,): which velocities are not as uncertain as they are large."""
+        variance = np.trace(self.covariance_px2_s2, axis1=1, axis2=2)
+        return np.asarray(variance < (_LARGEST_SIGMA * np.hypot(*self.velocity_px_s.T)) ** 2)
+
+    def widened(self, factor: float, variance_px2_s2: FloatArray) -> _Found:
+        """With covariances that are multiplied, and added to: variance_px2_s2 (N,)."""
+        covariance = factor * self.covariance_px2_s2 + variance_px2_s2[:, None, None] * np.eye(2)
         return replace(self, covariance_px2_s2=covariance)
 
 
@@ -242,8 +282,8 @@ class _Search:
         And with the error of the fit of the peak, which these differences do not show.
         """
         usual = self._variance_factor(found, 1.0)
-        return [one.widened(self._variance_factor([one], usual), (_PEAK_SIGMA_PX / one.dt_s.mean()) ** 2)
-                for one in found]
+        return [one.widened(self._variance_factor([one], usual),
+                            np.full(len(one.at), (_PEAK_SIGMA_PX / one.dt_s.mean()) ** 2)) for one in found]
 
     def _levels(self) -> list[_Level]:
         velocity, clear, gap = self._first()

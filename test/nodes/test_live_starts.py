@@ -67,8 +67,8 @@ def test_a_tracker_that_compiles_is_there_and_can_be_stopped(graph: Graph, tmp_p
     graph.environment["NUMBA_CACHE_DIR"] = str(tmp_path / "cache")
     reports = graph.listen(DiagnosticArray, "/diagnostics")
     tracker = graph.start("tracker_node")
-    graph.until(lambda: "compiling kernels" in tracker.log and reports, "the compiler at work")
-    assert "kernels to be compiled" in reports[-1].status[0].message
+    graph.until(lambda: "compiling kernels" in tracker.log and reports
+                and "kernels to be compiled" in reports[-1].status[0].message, "the compiler at work")
     assert values_of(reports[-1])["state"] == "WAITING"
     assert tracker.stop() == 0
     assert "ready" not in tracker.log

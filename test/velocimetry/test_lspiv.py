@@ -46,6 +46,23 @@ def test_errors_are_as_large_as_their_covariance_says() -> None:
     assert 0.7 < np.median(ratio) / 0.6745 < 1.3
 
 
+@pytest.mark.parametrize(("speed", "standing"), [(0.14, 25.0), (0.32, 50.0), (-0.6, 25.0)])
+def test_water_over_a_visible_bed_is_measured_within_its_sigma(speed: float, standing: float) -> None:
+    scene = MovingTexture(uniform(speed), SMALL, contrast=12.0, standing=standing, seed=50)
+    vectors = measured(scene)
+    error = errors(vectors, scene)
+    assert len(vectors) > 6
+    assert np.median(np.abs(error[:, 0])) < (0.3 if abs(speed) < 0.2 else 0.03) * abs(speed)
+    assert np.mean(np.abs(error) < 2 * sigmas(vectors.covariance)) > 0.9
+
+
+def test_still_ground_is_not_taken_for_a_bed() -> None:
+    scene = MovingTexture(uniform(0.0), SMALL, seed=12)
+    vectors = measured(scene)
+    assert len(vectors) > 6
+    assert np.abs(errors(vectors, scene)).max() < 1e-3
+
+
 def test_shear_within_the_windows_is_followed() -> None:
     scene = MovingTexture(shear(0.2, 0.15), (192, 192), seed=3)
     vectors = measured(scene)
