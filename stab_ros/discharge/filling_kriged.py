@@ -15,7 +15,7 @@ import numpy as np
 from stab_ros.core.types import FloatArray, IdArray
 from stab_ros.discharge.kriging import Kriging
 from stab_ros.discharge.measured import Measured
-from stab_ros.discharge.wetted import DRY
+from stab_ros.discharge.wetted import DRY, channel_width_m
 
 _POWERS = (0.0, 0.5, 1.0)
 _PRIOR = (0.25, 0.5, 0.25)  # their probabilities before anything is measured
@@ -98,10 +98,9 @@ def _profiles(measured: Measured) -> list[list[_Profile]]:
 
 
 def _of_channel(measured: Measured, channel: int) -> list[_Profile]:
-    chainage, last = measured.chainage_m, len(measured.chainage_m) - 1
-    known, inside = measured.neighbours(channel), np.flatnonzero(measured.channel == channel)
-    wanted = inside[~measured.known[inside]].astype(np.int64)
-    length_m = _LENGTH * float(chainage[min(inside[-1] + 1, last)] - chainage[max(inside[0] - 1, 0)])
+    chainage, inside = measured.chainage_m, measured.channel == channel
+    known, wanted = measured.neighbours(channel), np.flatnonzero(inside & ~measured.known).astype(np.int64)
+    length_m = _LENGTH * channel_width_m(chainage, inside)
     depth = np.maximum(measured.depth_m, 0.0) / measured.depth_m[known].mean()
     return [_Profile(known, wanted, depth, power, Kriging.of(chainage[known], chainage[wanted], length_m,
                                                              noise / depth[known] ** (2 * power)))

@@ -2,8 +2,8 @@
 
 Where velocity changes across the river, the median of vectors that lie to one side of a vertical is not the velocity
 at the vertical: at the outermost ones all vectors lie on the side of the river. So the median is taken of what each
-vector says of the vertical, by the gradient around it (local linear regression: Cleveland 1979; Fan and Gijbels 1996,
-section 2.2), which has no such bias.
+vector says of the vertical, by gradient and curvature around it (local quadratic regression: Cleveland 1979; Fan and
+Gijbels 1996), which has no such bias.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import numpy as np
 from stab_ros.core.types import FloatArray
 
 _ROUNDS = 4  # of robust weights
-_ROBUST = 4.0  # standard deviations off the plane from which a vector no longer counts; 6 medians, as Cleveland's
+_ROBUST = 4.0  # standard deviations off the surface from which a vector no longer counts; 6 medians, as Cleveland's
 _LEAST_M_S = 1e-6  # noise: rounding
-_MAD = 1.4826  # standard deviation over median absolute deviation, of a normal distribution
+MAD_TO_SIGMA = 1.4826  # standard deviation over median absolute deviation, of a normal distribution
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ def local_change(offset_m: FloatArray, velocity_m_s: FloatArray, reach_m: float,
     prior = np.diag([0.0, *1 / np.maximum(usual * scale[1:], 1e-9) ** 2])
     off, free = velocity_m_s - np.median(velocity_m_s), float(len(velocity_m_s))
     for _ in range(_ROUNDS):
-        noise = max(_MAD * float(np.median(np.abs(off))) * math.sqrt(len(off) / free), _LEAST_M_S)
+        noise = max(MAD_TO_SIGMA * float(np.median(np.abs(off))) * math.sqrt(len(off) / free), _LEAST_M_S)
         weight = near * np.maximum(1 - (off / (_ROBUST * noise)) ** 2, 0) ** 2
         information = (design.T * weight) @ design / noise**2
         inverse = np.linalg.pinv(information + prior, hermitian=True)

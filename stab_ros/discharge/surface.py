@@ -10,12 +10,11 @@ from scipy.spatial import cKDTree
 
 from stab_ros.core.types import BoolArray, FloatArray, IdArray
 from stab_ros.discharge.cross_section import CrossSection
-from stab_ros.discharge.local_change import Change, local_change
-from stab_ros.discharge.wetted import DRY, channels
+from stab_ros.discharge.local_change import MAD_TO_SIGMA, Change, local_change
+from stab_ros.discharge.wetted import DRY, channel_width_m, channels
 from stab_ros.velocimetry.vectors import Vectors
 
 _MEDIAN_LOSS = 1.2533  # standard error of a median over that of a mean, sqrt(pi / 2)
-_MAD = 1.4826  # standard deviation over median absolute deviation, of a normal distribution
 _POOLED_AS = 8  # tracks that the scatter of all verticals counts for at each
 _REACH = 2.0  # search distances within which vectors tell the gradient around a vertical
 _STEEPEST = 4.0  # gradient of a parabolic profile at its shores, in largest velocities a width; its curvature is twice
@@ -123,12 +122,10 @@ def _changes(section: CrossSection, wet: BoolArray, vectors: Vectors, across: Fl
 
 def _widths_m(section: CrossSection, wet: BoolArray) -> FloatArray:
     """(N,), from the point before to that behind the channel of each vertical; that of the section for dry ones."""
-    own, last = channels(np.where(wet, 1.0, -1.0)), len(section) - 1
+    own = channels(np.where(wet, 1.0, -1.0))
     width = np.full(len(section), section.chainage_m[-1] - section.chainage_m[0])
     for channel in range(own.max() + 1):
-        inside = np.flatnonzero(own == channel)
-        ends = max(inside[0] - 1, 0), min(inside[-1] + 1, last)
-        width[inside] = section.chainage_m[ends[1]] - section.chainage_m[ends[0]]
+        width[own == channel] = channel_width_m(section.chainage_m, own == channel)
     return width
 
 
@@ -141,7 +138,8 @@ def _downstream(normal: FloatArray, vectors: Vectors, near: list[IdArray]) -> Fl
 
 def _scatter(told: Sequence[FloatArray], tracks: IdArray) -> FloatArray:
     """(N,), standard deviation of single tracks around the median of their vertical."""
-    seen = np.array([_MAD * float(np.median(np.abs(one - np.median(one)))) if len(one) else np.nan for one in told])
+    seen = np.array([MAD_TO_SIGMA * float(np.median(np.abs(one - np.median(one)))) if len(one) else np.nan
+                     for one in told])
     many = seen[tracks > 2]
     pooled = float(np.median(many)) if len(many) else np.nan
     joint = seen if np.isnan(pooled) else np.sqrt((tracks * seen**2 + _POOLED_AS * pooled**2) / (tracks + _POOLED_AS))

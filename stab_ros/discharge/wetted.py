@@ -41,6 +41,15 @@ def channels(depth_m: FloatArray) -> IdArray:
     return np.where(wet, np.cumsum(starts) - 1, DRY).astype(np.int64)
 
 
+def channel_width_m(chainage_m: FloatArray, channel: BoolArray) -> float:
+    """Width of a channel, from the point before it to that behind it, where there are any.
+
+    channel: (N,), the points of the channel, which are consecutive.
+    """
+    inside = np.flatnonzero(channel)
+    return float(chainage_m[min(inside[-1] + 1, len(chainage_m) - 1)] - chainage_m[max(inside[0] - 1, 0)])
+
+
 def shores_m(chainage_m: FloatArray, depth_m: FloatArray, channel: BoolArray) -> FloatArray:
     """Chainages at which a channel meets its shore, at most two; none where the section ends under water.
 

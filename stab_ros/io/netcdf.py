@@ -19,6 +19,7 @@ from stab_ros.core.errors import WorkError
 from stab_ros.core.types import FloatArray
 from stab_ros.core.version import __version__
 from stab_ros.georeferencing.local_frame import LocalFrame
+from stab_ros.velocimetry.vectors import Unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +63,20 @@ def _add(file: Any, name: str, variable: Variable) -> None:
         made[:] = data
     for key, value in variable.attributes.items():
         setattr(made, key, value)
+
+
+def places_attributes(unit: Unit) -> tuple[dict[str, str], dict[str, str]]:
+    """Attributes of x and of y."""
+    if unit == "px":
+        return ({"long_name": "x in the reference, to the right", "units": "1"},
+                {"long_name": "y in the reference, down", "units": "1"})
+    return ({"standard_name": "projection_x_coordinate", "long_name": "east in the map", "units": "m", "axis": "X"},
+            {"standard_name": "projection_y_coordinate", "long_name": "north in the map", "units": "m", "axis": "Y"})
+
+
+def units_of(unit: Unit) -> tuple[str, str]:
+    """Of velocities, and of their squares."""
+    return ("m s-1", "m2 s-2") if unit == "m" else ("s-1", "s-2")
 
 
 def origin_of(local_frame: LocalFrame | None) -> dict[str, Any]:

@@ -15,7 +15,7 @@ import numpy as np
 from stab_ros.core.errors import WorkError
 from stab_ros.core.types import FloatArray, IdArray
 from stab_ros.georeferencing.local_frame import LocalFrame
-from stab_ros.io.netcdf import Variable, geodetic, origin_of, since, write_variables
+from stab_ros.io.netcdf import Variable, geodetic, origin_of, places_attributes, since, units_of, write_variables
 from stab_ros.velocimetry.grid import VelocityGrid
 from stab_ros.velocimetry.vectors import Unit
 
@@ -81,13 +81,8 @@ def _borders(cells: Sequence[IdArray]) -> tuple[IdArray, IdArray]:
 
 
 def _axes(x: FloatArray, y: FloatArray, unit: Unit) -> dict[str, Variable]:
-    if unit == "px":
-        return {"x": Variable(("x",), x, {"long_name": "x in the reference, to the right", "units": "1"}),
-                "y": Variable(("y",), y, {"long_name": "y in the reference, down", "units": "1"})}
-    return {"x": Variable(("x",), x, {"standard_name": "projection_x_coordinate", "long_name": "east in the map",
-                                      "units": "m", "axis": "X"}),
-            "y": Variable(("y",), y, {"standard_name": "projection_y_coordinate", "long_name": "north in the map",
-                                      "units": "m", "axis": "Y"})}
+    of_x, of_y = places_attributes(unit)
+    return {"x": Variable(("x",), x, of_x), "y": Variable(("y",), y, of_y)}
 
 
 def _times(grids: Sequence[TimedGrid], first_ns: int, unit: Unit) -> dict[str, Variable]:
@@ -104,7 +99,7 @@ def _times(grids: Sequence[TimedGrid], first_ns: int, unit: Unit) -> dict[str, V
 def _cubes(grids: Sequence[TimedGrid], low: IdArray, shape: tuple[int, int], unit: Unit, coordinates: str
            ) -> dict[str, Variable]:
     """Variables of time, y and x; NaN, and a count of 0, where there are no vectors."""
-    once, square = ("m s-1", "m2 s-2") if unit == "m" else ("s-1", "s-2")
+    once, square = units_of(unit)
     named = (("vx", "median velocity of the water surface along x", once),
              ("vy", "median velocity of the water surface along y", once),
              ("standard_error", "standard error of the median, by all errors", once),

@@ -8,7 +8,7 @@ import numpy as np
 
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.local_frame import LocalFrame
-from stab_ros.io.netcdf import Variable, geodetic, origin_of, since, write_variables
+from stab_ros.io.netcdf import Variable, geodetic, origin_of, places_attributes, since, units_of, write_variables
 from stab_ros.velocimetry.speeds import sigma_speed_m_s, speed_m_s
 from stab_ros.velocimetry.vectors import Vectors
 
@@ -38,15 +38,12 @@ def write_netcdf(path: Path, vectors: Vectors, wse_m: float = 0.0, local_frame: 
 
 def _places(vectors: Vectors, wse_m: float, local_frame: LocalFrame | None) -> dict[str, Variable]:
     x, y = vectors.position_m.T
+    of_x, of_y = places_attributes(vectors.unit)
+    places = {"x": _real(x, **of_x), "y": _real(y, **of_y)}
     if vectors.unit == "px":
-        return {"x": _real(x, long_name="x in the reference, to the right", units="1"),
-                "y": _real(y, long_name="y in the reference, down", units="1")}
-    places = {
-        "x": _real(x, standard_name="projection_x_coordinate", long_name="east in the map", units="m", axis="X"),
-        "y": _real(y, standard_name="projection_y_coordinate", long_name="north in the map", units="m", axis="Y"),
-        "z": _real(np.full(len(x), wse_m), long_name="water surface elevation in the map", units="m", positive="up",
-                   axis="Z"),
-    }
+        return places
+    places["z"] = _real(np.full(len(x), wse_m), long_name="water surface elevation in the map", units="m",
+                        positive="up", axis="Z")
     if local_frame is None:
         return places
     return {**places, **geodetic(local_frame, x, y, wse_m, (_OBS,))}
@@ -63,8 +60,8 @@ def _times(vectors: Vectors, first_ns: int) -> dict[str, Variable]:
 
 
 def _velocities(vectors: Vectors, local_frame: LocalFrame | None) -> dict[str, Variable]:
-    (vx, vy), own, unit = vectors.velocity_m_s.T, vectors.covariance, "m s-1" if vectors.unit == "m" else "s-1"
-    square, where = ("m2 s-2" if vectors.unit == "m" else "s-2"), {"coordinates": _coordinates(vectors, local_frame)}
+    (vx, vy), own, (unit, square) = vectors.velocity_m_s.T, vectors.covariance, units_of(vectors.unit)
+    where = {"coordinates": _coordinates(vectors, local_frame)}
     return {
         "vx": _real(vx, long_name="velocity of the water surface along x", units=unit, ancillary_variables="var_vx",
                     **where),
@@ -84,7 +81,7 @@ def _velocities(vectors: Vectors, local_frame: LocalFrame | None) -> dict[str, V
 def _shared(vectors: Vectors) -> dict[str, Variable]:
     if not vectors.shared.shape[2]:
         return {}
-    about = {"units": "m s-1" if vectors.unit == "m" else "s-1",
+    about = {"units": units_of(vectors.unit)[0],
              "long_name": "change by one standard deviation of each error that all vectors share"}
     return {f"shared_{v}": Variable((_OBS, _ERRORS), vectors.shared[:, axis], about)
             for axis, v in enumerate(("vx", "vy"))}
