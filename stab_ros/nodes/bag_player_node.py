@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,8 +26,9 @@ from stab_ros.nodes import params
 from stab_ros.nodes.cdr_publisher import CdrPublisher
 from stab_ros.nodes.diagnostic_status import DiagnosticStatus
 from stab_ros.nodes.latched_messages import LatchedMessages
+from stab_ros.nodes.managed_node import StabNode
 from stab_ros.nodes.qos import replay_qos
-from stab_ros.nodes.runtime import StabNode, message_class
+from stab_ros.nodes.runtime import message_class
 from stab_ros.nodes.schedule import Schedule
 from stab_ros.nodes.spinner import Spinner
 
@@ -49,16 +51,26 @@ class PlayerSettings(Checked):
 
 
 class BagPlayerNode(StabNode):
-    """Plays once, or again and again with `loop`."""
+    """Plays once, or again and again with `loop`; a pause of the replay is the state inactive.
+
+    At the end it ends, or is inactive where it was activated from outside, and begins anew with the next activation.
+    """
 
     def __init__(self, given: Mapping[str, object]) -> None:
         super().__init__("bag_player_node", given)
+
+    # lifecycle -------------------------------------------------------------------------------------------------------
+    def configure(self) -> None:
+        """Opens the recording, and advertises its topics."""
         table = params.table_of(PlayerSettings)
         values: Any = params.declare(self, table)
         params.warn_of_unknown(self, table)
         self.settings = PlayerSettings(**values)
         if not self.settings.bag:
             raise InputError("bag: no recording is named, it must be the path of one, as in -p bag:=flight.mcap")
+        opened = ExitStack()
+        self.at_cleanup(opened.close)
+        self._bag = opened.enter_context(open_bag(Path(self.settings.bag)))
         self._outputs: dict[str, CdrPublisher] = {}
         clock = self.settings.clock
         self._clock_publisher = CdrPublisher(self, Clock, CLOCK_TOPIC, QoSProfile(depth=1)) if clock else None
@@ -66,23 +78,38 @@ class BagPlayerNode(StabNode):
         self._clock_ns = 0
         self._messages = self._rounds = 0
         self._activity = "opening the recording"
+        self._next_ns = 0  # log time from which on to play
+        self._advertise(self._bag)
 
     def work(self, spinner: Spinner) -> None:
-        self.create_steady_timer(1.0, self._report)
-        with open_bag(Path(self.settings.bag)) as bag:
-            self._advertise(bag)
-            self._wait_for_subscribers(bag, spinner)
-            while not spinner.stopping:
-                self._play(bag, spinner)
-                if not self.settings.loop:
+        while not spinner.stopping:
+            if not self.is_active:
+                spinner.once()
+            elif self._played(spinner):
+                self._flush()
+                if self.autostart:
                     break
-        if not spinner.stopping:
-            for publisher in self._outputs.values():
-                publisher.flush()
-        self._report()
+                self.trigger_deactivate()
+
+    def _played(self, spinner: Spinner) -> bool:
+        """Whether it has come to the end, and not to a pause."""
+        self._wait_for_subscribers(self._bag, spinner)
+        while self._plays_on(spinner):
+            self._play(self._bag, spinner)
+            if self._plays_on(spinner) and not self.settings.loop:
+                return True
+        return False
+
+    def _plays_on(self, spinner: Spinner) -> bool:
+        return self.is_active and not spinner.stopping
+
+    def _flush(self) -> None:
+        for publisher in self._outputs.values():
+            publisher.flush()
+        self.report()
         self.flush_diagnostics()
 
-    def _report(self) -> None:
+    def report(self) -> None:
         """Publishes the diagnostics, once a second and at the end."""
         if self._clock_publisher is not None and self.count_publishers(CLOCK_TOPIC) > 1:
             self.get_logger().warning(f"others publish {CLOCK_TOPIC} too, nodes with use_sim_time jump between the "
@@ -110,15 +137,15 @@ class BagPlayerNode(StabNode):
         images = [name for name in self._outputs if holds_images(bag.topics[name])]
         self._activity = f"waiting for {self.settings.wait_for_subscribers} subscribers"
         awaited = [self._outputs[name] for name in images or self._outputs]
-        while not spinner.stopping:
+        while self._plays_on(spinner):
             if sum(publisher.subscribers for publisher in awaited) >= self.settings.wait_for_subscribers:
                 return
             spinner.once()
 
     def _play(self, bag: BagReader, spinner: Spinner) -> None:
         self._activity = "playing"
-        self._rounds += 1
-        start_ns = bag.start_ns + round(self.settings.start_offset * SECOND_NS)
+        start_ns = self._next_ns or bag.start_ns + round(self.settings.start_offset * SECOND_NS)
+        self._rounds += not self._next_ns
         self._schedule = Schedule(start_ns, time.monotonic_ns(), self.settings.rate)
         total = sum(bag.topics[name].count for name in self._outputs)
         with tqdm(total=total, unit=" messages", disable=None) as progress:
@@ -130,9 +157,11 @@ class BagPlayerNode(StabNode):
                     continue
                 self._send(latched.release())
                 self._wait_until_due(message, spinner)
-                if spinner.stopping:
+                if not self._plays_on(spinner):
+                    self._next_ns = message.log_time_ns
                     return
                 self._send([message])
+        self._next_ns = 0
         for warning in bag.warnings:
             self.get_logger().warning(warning)
 
@@ -147,7 +176,7 @@ class BagPlayerNode(StabNode):
         while True:
             now_ns = time.monotonic_ns()
             self._publish_clock(min(schedule.bag_time_ns(now_ns), message.log_time_ns), at_once=now_ns >= due_ns)
-            if now_ns >= due_ns or spinner.stopping:
+            if now_ns >= due_ns or not self._plays_on(spinner):
                 break
             wait_ns = min(due_ns - now_ns, _TICK_NS)
             spinner.once(wait_ns / SECOND_NS)

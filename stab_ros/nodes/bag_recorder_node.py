@@ -19,11 +19,10 @@ from stab_ros.io.installed_types import live_topic
 from stab_ros.nodes import params
 from stab_ros.nodes.diagnostic_status import DiagnosticStatus
 from stab_ros.nodes.gap_counter import GapCounter
+from stab_ros.nodes.managed_node import StabNode
 from stab_ros.nodes.qos import AdaptiveSubscription, keep_all_offered, offered_yaml
-from stab_ros.nodes.runtime import StabNode, message_class
+from stab_ros.nodes.runtime import message_class
 from stab_ros.nodes.spinner import Spinner
-
-_DISCOVERY_S = 0.1  # period of the search for new topics and publishers
 
 
 @dataclass(frozen=True)
@@ -35,10 +34,14 @@ class RecorderSettings(Checked):
 
 
 class BagRecorderNode(StabNode):
-    """Writes every message of `topics` (if empty: of all topics) until it is stopped."""
+    """Writes every message of `topics` (if empty: of all topics) while active; cleanup completes the file."""
 
     def __init__(self, given: Mapping[str, object]) -> None:
         super().__init__("bag_recorder_node", given)
+
+    # lifecycle -------------------------------------------------------------------------------------------------------
+    def configure(self) -> None:
+        """Makes the file."""
         table = params.table_of(RecorderSettings)
         values: Any = params.declare(self, table)
         self.settings = RecorderSettings(**values)
@@ -52,28 +55,33 @@ class BagRecorderNode(StabNode):
         self._gaps: defaultdict[str, GapCounter] = defaultdict(GapCounter)
         self._messages = self._bytes = self._lost = 0
         self._failure: WorkError | None = None
+        self._writer = BagWriter(Path(self.settings.output), self.settings.overwrite)
+        self.at_cleanup(self._writer.close)
+
+    def activate(self) -> None:
+        self.get_logger().info(f"recording to {self.settings.output}")
+
+    def deactivate(self) -> None:
+        """Pauses the recording."""
+        while self._inputs:
+            self._inputs.popitem()[1].close()
 
     def work(self, spinner: Spinner) -> None:
-        with BagWriter(Path(self.settings.output), self.settings.overwrite) as writer:
-            self._discover(writer)
-            self.create_steady_timer(_DISCOVERY_S, partial(self._discover, writer))
-            self.create_steady_timer(1.0, partial(self._flush, writer))
-            self.get_logger().info(f"recording to {self.settings.output}")
-            while not spinner.stopping:
-                spinner.once()
+        super().work(spinner)
+        if self.is_active:
             spinner.drain(lambda: self._messages)
-            if self._failure is not None:
-                raise self._failure
+        if self.is_configured and self._failure is not None:
+            raise self._failure
 
-    def _discover(self, writer: BagWriter) -> None:
+    def poll(self) -> None:
         """Subscribes to wanted topics as soon as their type is known."""
         for subscription in self._inputs.values():
             subscription.refresh()
         for name, types in self.get_topic_names_and_types():
             if name not in self._inputs and name not in self._refused and (not self._wanted or name in self._wanted):
-                self._add(writer, name, types)
+                self._add(name, types)
 
-    def _add(self, writer: BagWriter, name: str, types: list[str]) -> None:
+    def _add(self, name: str, types: list[str]) -> None:
         publishers = self.get_publishers_info_by_topic(name)
         if not publishers:
             return  # only subscribers so far, whose type may be wrong
@@ -83,10 +91,10 @@ class BagRecorderNode(StabNode):
             msg_class = message_class(types[0])
             offered = offered_yaml([info.qos_profile for info in publishers])
             topic = live_topic(name, types[0], offered, _type_hash(publishers))
-            writer.add_topic(topic)
+            self._writer.add_topic(topic)
             self._tell_without_definition(topic)
             self._inputs[name] = AdaptiveSubscription(
-                self, msg_class, name, partial(self._record, writer, name), keep_all_offered,
+                self, msg_class, name, partial(self._record, name), keep_all_offered,
                 "let it offer what the other publishers of the topic offer")
         except InputError as error:
             self._refused.add(name)
@@ -98,21 +106,21 @@ class BagRecorderNode(StabNode):
                 f"{topic.name} is recorded without the definition of {topic.msgtype}, whose .msg files are not "
                 "installed: `ros2 bag` plays it where the type is installed, other tools cannot decode it")
 
-    def _record(self, writer: BagWriter, topic: str, cdr: bytes, info: Mapping[str, int]) -> None:
+    def _record(self, topic: str, cdr: bytes, info: Mapping[str, int]) -> None:
         """The log time is that of reception, as in rosbag2; on the simulated clock if there is one."""
         if self._failure is not None:
             return
         simulated_ns = self.get_clock().now().nanoseconds if self.get_parameter("use_sim_time").value else 0
         log_time_ns = simulated_ns or info["received_timestamp"]  # a simulated clock without publishers stands at zero
-        self._try(lambda: writer.write(topic, log_time_ns, info["source_timestamp"], cdr))
+        self._try(lambda: self._writer.write(topic, log_time_ns, info["source_timestamp"], cdr))
         self._messages += 1
         self._bytes += len(cdr)
         self._lost += self._gaps[topic].missed(info["publication_sequence_number"], self._inputs[topic].publishers)
 
-    def _flush(self, writer: BagWriter) -> None:
+    def report(self) -> None:
         """Once a second: makes what was received survive a crash, and publishes the diagnostics."""
         if self._failure is None:
-            self._try(writer.flush_chunk)
+            self._try(self._writer.flush_chunk)
         level, message = (OK, "recording") if self._failure is None else (ERROR, str(self._failure))
         counts = {"topics": len(self._inputs), "messages": self._messages, "messages_lost": self._lost,
                   "bytes": self._bytes}

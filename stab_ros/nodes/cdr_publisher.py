@@ -7,8 +7,8 @@ from typing import Any
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
+from stab_ros.nodes.managed_node import StabNode
 from stab_ros.nodes.qos import publisher_events
-from stab_ros.nodes.runtime import StabNode
 
 _STEP = Duration(nanoseconds=100_000_000)
 _PATIENCE = 300  # steps without an acknowledgement: DDS itself drops a process that was killed or stopped after 20 s

@@ -50,6 +50,11 @@ class DischargeInputs:
         self.velocity.refresh()
         self.level.refresh()
 
+    def close(self) -> None:
+        """Ends the subscriptions."""
+        self.velocity.close()
+        self.level.close()
+
     def _on_velocity(self, cdr: bytes, _msgtype: str) -> None:
         try:
             (header, vectors), surface_m = read_velocity(cdr), read_surface(cdr)

@@ -24,14 +24,11 @@ from stab_ros.nodes.discharge_inputs import DischargeInputs
 from stab_ros.nodes.discharge_status import DischargeStatus
 from stab_ros.nodes.failures import Failures
 from stab_ros.nodes.level_stamps import LevelStamps
-from stab_ros.nodes.runtime import StabNode
-from stab_ros.nodes.spinner import Spinner
+from stab_ros.nodes.managed_node import StabNode
 from stab_ros.nodes.throttled_warnings import ThrottledWarnings
 from stab_ros.parameters.discharge import DISCHARGE_PARAMETERS, discharge_config, running_config
 from stab_ros.parameters.node_settings import DischargeSettings
 from stab_ros.velocimetry.vectors import Vectors
-
-_POLL_NS = SECOND_NS // 10  # period at which subscribers and publishers are checked
 
 SETTINGS = params.table_of(DischargeSettings)
 CHANGEABLE = frozenset(name for name, _, _ in settings_of(DischargeConfig))  # section and window stay as they are
@@ -42,6 +39,9 @@ class DischargeNode(StabNode):
 
     def __init__(self) -> None:
         super().__init__("discharge_node")
+
+    # lifecycle -------------------------------------------------------------------------------------------------------
+    def configure(self) -> None:
         given = [name for name in DISCHARGE_PARAMETERS if params.given(self, name) is not None]
         declared = params.declare(self, {**DISCHARGE_PARAMETERS, **SETTINGS}, CHANGEABLE)
         params.warn_of_unknown(self, declared)
@@ -59,16 +59,14 @@ class DischargeNode(StabNode):
         self._warnings, self._failures = ThrottledWarnings(self.get_logger()), Failures(self.get_logger())
         self.status = DischargeStatus(round(self.settings.stale_s * SECOND_NS), doubts)
         self._output = CdrPublisher(self, DiagnosticArray, DISCHARGE_TOPIC, QoSProfile(depth=100), lossless=True)
-        params.ParameterUpdates(self, DISCHARGE_PARAMETERS, self._change)
-        self.create_steady_timer(1.0, self._report)
+        self.at_cleanup(params.ParameterUpdates(self, DISCHARGE_PARAMETERS, self._change).close)
 
-    # start and end ---------------------------------------------------------------------------------------------------
-    def prepare(self) -> None:
-        self.create_steady_timer(_POLL_NS / SECOND_NS, self._poll)
-        self._poll()
+    def deactivate(self) -> None:
+        if self._inputs is not None:
+            self._inputs.close()
+            self._inputs = None
 
-    def work(self, spinner: Spinner) -> None:
-        super().work(spinner)
+    def flush(self) -> None:
         self._output.flush()
 
     def on_failure(self, error: BaseException) -> None:
@@ -76,9 +74,8 @@ class DischargeNode(StabNode):
             raise error
         self._failures.note(error)
 
-    def _poll(self) -> None:
+    def poll(self) -> None:
         """Follows the publishers, once subscribers are there."""
-        self.free.ticked(_POLL_NS)
         if self._inputs is None and self._output.subscribers >= self.settings.wait_for_subscribers:
             self._inputs = DischargeInputs(self, self.settings.water_level_type, self)
             self.get_logger().info(f"ready, taking velocities from {self._inputs.velocity.topic}")
@@ -143,7 +140,7 @@ class DischargeNode(StabNode):
         self._warn(f"unusable {topic}", f"refused a message: {topic}: {text}")
 
     # diagnostics and parameters --------------------------------------------------------------------------------------
-    def _report(self) -> None:
+    def report(self) -> None:
         self.status.level_doubts = self._running.level_doubts(self._newest_ns)
         self.status.level_missing, self.status.level_from = self._level_missing(), self._level_from()
         if self.status.level_missing:

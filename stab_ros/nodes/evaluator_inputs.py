@@ -54,6 +54,11 @@ class EvaluatorInputs:
         for subscription in (self.image, self.reference, self.homography):
             subscription.refresh()
 
+    def close(self) -> None:
+        """Ends the subscriptions."""
+        for subscription in (self.image, self.reference, self.homography):
+            subscription.close()
+
     def _subscribe(self, name: str, msg_class: Any, take: Callable[[bytes], None],
                    choose: Choice = keep_all_offered) -> AdaptiveSubscription:
         topic = self._node.resolve_topic_name(name)

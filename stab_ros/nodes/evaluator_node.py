@@ -7,7 +7,7 @@ from dataclasses import fields
 from typing import Any
 
 from stab_ros.core.errors import InputError
-from stab_ros.core.kernels import Compilation, compile_kernels
+from stab_ros.core.kernels import Compilation
 from stab_ros.core.memory import give_back_memory
 from stab_ros.core.settings import Value
 from stab_ros.core.types import Frame, Homography
@@ -22,13 +22,12 @@ from stab_ros.nodes.evaluator_inputs import EvaluatorInputs
 from stab_ros.nodes.evaluator_publishers import EvaluatorPublishers
 from stab_ros.nodes.evaluator_status import EvaluatorStatus
 from stab_ros.nodes.failures import Failures
-from stab_ros.nodes.runtime import StabNode
+from stab_ros.nodes.managed_node import StabNode
 from stab_ros.nodes.spinner import Spinner
 from stab_ros.parameters.engines import make_evaluator
 from stab_ros.parameters.node_settings import EvaluatorSettings
 from stab_ros.parameters.table import EVALUATOR_PARAMETERS, evaluator_config
 
-_POLL_NS = SECOND_NS // 10  # period at which publishers, waits and the level are checked
 _LOG_EVERY_S = 5.0
 _BURST = 50  # messages at most that are taken before a frame is measured
 # Limits of waits, in free time: with no message to take and no frame to measure
@@ -51,6 +50,9 @@ class EvaluatorNode(StabNode):
 
     def __init__(self) -> None:
         super().__init__("evaluator_node")
+
+    # lifecycle and main loop -----------------------------------------------------------------------------------------
+    def configure(self) -> None:
         values = params.declare(self, {**EVALUATOR_PARAMETERS, **SETTINGS}, CHANGEABLE)
         params.warn_of_unknown(self, values)
         chosen: Any = {item.name: values.pop(item.name) for item in fields(EvaluatorSettings)}
@@ -70,22 +72,24 @@ class EvaluatorNode(StabNode):
         self._frame_id = ""
         self._reported_level = 0
         self.outputs = EvaluatorPublishers(self)
-        params.ParameterUpdates(self, EVALUATOR_PARAMETERS, self._change)
-        self.create_steady_timer(1.0, self._report)
+        self.at_cleanup(params.ParameterUpdates(self, EVALUATOR_PARAMETERS, self._change).close)
 
-    # start and main loop ---------------------------------------------------------------------------------------------
     def on_compilation(self, progress: Compilation) -> None:
         self.status.waiting_for = progress.awaited
 
-    def prepare(self) -> None:
-        compile_kernels()  # done already, unless another executor spins this node
-        self.create_steady_timer(_POLL_NS / SECOND_NS, self._poll)
-        self._poll()
+    def deactivate(self) -> None:
+        """Measures the frames that wait; the reference stays."""
+        if self._inputs is not None:
+            self._inputs.close()
+            self._inputs = None
+        self._queue(self._pairing.flush())
+        while self._backlog:
+            self._measure_one()
 
     def work(self, spinner: Spinner) -> None:
         while not spinner.stopping:
             self._take(spinner)
-            if self._backlog and self._may_measure():
+            if self.is_active and self._backlog and self._may_measure():
                 self._measure_one()
             else:
                 spinner.once()
@@ -100,11 +104,10 @@ class EvaluatorNode(StabNode):
 
     @property
     def _received(self) -> int:
-        return 0 if self._inputs is None else self._inputs.received
+        return self._inputs.received if self.is_active and self._inputs is not None else 0
 
-    def _poll(self) -> None:
+    def poll(self) -> None:
         """Follows the publishers, gives up waiting for lost messages, and checks whether the stream has stopped."""
-        self.free.ticked(_POLL_NS)
         if self._inputs is None and self.outputs.metrics.subscribers >= self.settings.wait_for_subscribers:
             self._inputs = EvaluatorInputs(self, self)
             self.get_logger().info(f"ready, taking images from {self._inputs.image.topic}")
@@ -221,9 +224,9 @@ class EvaluatorNode(StabNode):
         """Reports at once if the level has risen."""
         now_ns = time.monotonic_ns()
         if self.status.level(now_ns, self._backlog.delay_ns(now_ns), self.free.ns) > self._reported_level:
-            self._report()
+            self.report()
 
-    def _report(self) -> None:
+    def report(self) -> None:
         now_ns = time.monotonic_ns()
         status = self.status.report(now_ns, self._backlog.delay_ns(now_ns), self.free.ns)
         self._reported_level = status.level

@@ -13,7 +13,7 @@ from stab_ros.io.cdr import Header
 from stab_ros.io.metrics_message import float64_cdr, metrics_cdr
 from stab_ros.io.topics import DISPLACEMENT_TOPIC, METRICS_TOPIC, RMSD_TOPIC, RMSE_TOPIC, private
 from stab_ros.nodes.cdr_publisher import CdrPublisher
-from stab_ros.nodes.runtime import StabNode
+from stab_ros.nodes.managed_node import StabNode
 
 _PLOTTED = {"rmse_reference_px": RMSE_TOPIC, "rmsd_reference": RMSD_TOPIC,
             "displacement_reference_px": DISPLACEMENT_TOPIC}

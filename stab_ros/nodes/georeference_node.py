@@ -17,7 +17,6 @@ from stab_ros.nodes.frame_placer import Asked
 from stab_ros.nodes.georeference_publishers import GeoreferencePublishers
 from stab_ros.nodes.georeference_status import GeoreferenceStatus, Result
 from stab_ros.nodes.placing_node import PlacingNode
-from stab_ros.nodes.spinner import Spinner
 from stab_ros.parameters.engines import check_georeference, make_georeferencer, tells_level
 from stab_ros.parameters.node_settings import GeoreferenceSettings
 from stab_ros.parameters.table import GEOREFERENCE_PARAMETERS, georeference_config
@@ -31,6 +30,8 @@ class GeoreferenceNode(PlacingNode):
 
     def __init__(self) -> None:
         super().__init__("georeference_node")
+
+    def configure(self) -> None:
         wse_m = params.given(self, "wse_m")
         values = params.declare(self, {**GEOREFERENCE_PARAMETERS, **SETTINGS}, CHANGEABLE)
         params.warn_of_unknown(self, values)
@@ -43,11 +44,9 @@ class GeoreferenceNode(PlacingNode):
         status = GeoreferenceStatus(config.orientation, round(self.settings.stale_s * SECOND_NS))
         self.begin(values, config, status, make_georeferencer, _tells_level(values, wse_m is not None))
         self.outputs = GeoreferencePublishers(self, lossless=self.settings.queue_depth == 0)
-        params.ParameterUpdates(self, GEOREFERENCE_PARAMETERS, self._change)
-        self.create_steady_timer(1.0, self.report)
+        self.at_cleanup(params.ParameterUpdates(self, GEOREFERENCE_PARAMETERS, self._change).close)
 
-    def work(self, spinner: Spinner) -> None:
-        super().work(spinner)
+    def flush(self) -> None:
         self.outputs.flush()
 
     @property

@@ -24,8 +24,8 @@ from stab_ros.io.topics import (
     private,
 )
 from stab_ros.nodes.cdr_publisher import CdrPublisher
+from stab_ros.nodes.managed_node import StabNode
 from stab_ros.nodes.qos import LATCHED
-from stab_ros.nodes.runtime import StabNode
 
 
 class GeoreferencePublishers:

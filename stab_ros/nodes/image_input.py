@@ -42,6 +42,14 @@ class ImageInput:
                                                   "let it offer RELIABLE, or set queue_depth:=1")
         return self._subscription.topic
 
+    def close(self) -> None:
+        """Ends the subscription; images that are held are dropped."""
+        if self._subscription is not None:
+            self._subscription.close()
+        self._subscription, self._gaps = None, GapCounter()
+        self._dropped(len(self._held))
+        self._held.clear()
+
     @property
     def is_open(self) -> bool:
         return self._subscription is not None

@@ -70,6 +70,12 @@ class MotionInput:
         if self._alone >= _LOOKS:
             self.flush()
 
+    def close(self) -> None:
+        """Passes on what waits, and ends the subscriptions."""
+        self.flush()
+        self._homography.close()
+        self._track.close()
+
     def flush(self) -> None:
         """Passes on the homographies that wait for their track: it will not come."""
         self._pass_on(self._pairing.flush())

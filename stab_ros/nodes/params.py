@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
@@ -14,8 +15,35 @@ from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.settings import Range, Value, checked, did_you_mean
 from stab_ros.parameters.table import Parameter, parameters_of
 
-_OF_ROS = ("use_sim_time", "start_type_description_service")
+QOS = "qos_overrides."
+_OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "autostart")
 _LARGEST_INTEGER = 2**63 - 1
+
+
+class DeclaringNode(Node):
+    """A node that declares its parameters by `declare`.
+
+    Attributes:
+        defaulted: parameters that nobody has given, by name, and their defaults.
+        autostart: whether it configures itself; if not, nothing is read-only.
+    """
+
+    def __init__(self, name: str, given: Mapping[str, Any] | None = None, context: Context | None = None) -> None:
+        """Makes the node with what is given declared as it comes, so that `declare` can judge it.
+
+        Args:
+            name: of the node, unless it is remapped.
+            given: parameters that are overridden.
+            context: of rclpy; None: the default one.
+
+        Raises:
+            ValueError: a parameter was given an empty value.
+        """
+        overrides = [RosParameter(key, value=value) for key, value in (given or {}).items()]
+        super().__init__(name, context=context, automatically_declare_parameters_from_overrides=True,
+                         allow_undeclared_parameters=True, parameter_overrides=overrides)
+        self.defaulted: dict[str, Value] = {}
+        self.autostart = True
 
 
 def table_of(settings: type[Any]) -> dict[str, Parameter]:
@@ -23,48 +51,58 @@ def table_of(settings: type[Any]) -> dict[str, Parameter]:
     return {parameter.name: parameter for parameter in parameters_of(settings)}
 
 
-def declare(node: Node, table: Mapping[str, Parameter], changeable: Collection[str] = ()) -> dict[str, Value]:
-    """Declares `table` and returns the values in force; all but `changeable` are read-only.
+def declare(node: DeclaringNode, table: Mapping[str, Parameter], changeable: Collection[str] = ()) -> dict[str, Value]:
+    """Declares `table`, perhaps again, and returns the values in force; all but `changeable` are read-only.
 
-    The node must have declared its overrides itself (`automatically_declare_parameters_from_overrides`).
+    A node that is configured from outside may be given other values while it is not: there no parameter is read-only.
 
     Raises:
         ConfigError: an override has the wrong type or is out of range.
     """
-    values = {name: _take_override(node, parameter) for name, parameter in table.items()}
+    values = {name: _taken(node, parameter) for name, parameter in table.items()}
     for name, value in values.items():
-        shown = describe(table[name].limits, value, read_only=name not in changeable)
-        node.declare_parameter(name, value, shown, ignore_override=True)
+        _declare(node, name, value, describe(table[name].limits, value, name not in changeable and node.autostart))
     return values
 
 
-def given(node: Node, name: str) -> object:
-    """The override of a parameter before `declare` has checked it; None: there is none."""
-    return node.get_parameter(name).value if node.has_parameter(name) else None
+def given(node: DeclaringNode, name: str) -> Any:
+    """The value that somebody has given a parameter, unchecked; None: nobody has."""
+    if not node.has_parameter(name):
+        return None
+    value = node.get_parameter(name).value
+    return None if name in node.defaulted and node.defaulted[name] == value else value
 
 
-def _take_override(node: Node, parameter: Parameter) -> Value:
-    if not node.has_parameter(parameter.name):
+def _taken(node: DeclaringNode, parameter: Parameter) -> Value:
+    value = given(node, parameter.name)
+    if value is None:
+        node.defaulted[parameter.name] = parameter.default
         return parameter.default
-    given = node.get_parameter(parameter.name).value
-    node.undeclare_parameter(parameter.name)
-    return checked(parameter.name, given, parameter.default, parameter.limits)
+    node.defaulted.pop(parameter.name, None)
+    return checked(parameter.name, value, parameter.default, parameter.limits)
 
 
-def declare_names(node: Node, name: str, doc: str) -> list[str]:
+def _declare(node: Node, name: str, value: Any, shown: ParameterDescriptor) -> None:
+    """A read-only one that is declared already stays as it is, as nobody can have changed it."""
+    if node.has_parameter(name):
+        if node.describe_parameter(name).read_only:
+            return
+        node.undeclare_parameter(name)
+    node.declare_parameter(name, value, shown, ignore_override=True)
+
+
+def declare_names(node: DeclaringNode, name: str, doc: str) -> list[str]:
     """Declares a read-only list of strings, empty by default; a single string counts as a list of one.
 
     Raises:
         ConfigError: the override is something else.
     """
-    given = node.get_parameter(name).value if node.has_parameter(name) else []
-    names = list(given) if isinstance(given, Iterable) and not isinstance(given, str) else [given]
+    value = (node.get_parameter(name).value if node.has_parameter(name) else None) or []
+    names = list(value) if isinstance(value, Iterable) and not isinstance(value, str) else [value]
     if not all(isinstance(one, str) for one in names):
-        raise ConfigError(f"{name}: {given!r} must be a list of names, as in -p {name}:=[/a,/b]")
-    if node.has_parameter(name):
-        node.undeclare_parameter(name)
-    shown = ParameterDescriptor(description=doc, read_only=True)
-    node.declare_parameter(name, names or RosParameter.Type.STRING_ARRAY, shown, ignore_override=True)
+        raise ConfigError(f"{name}: {value!r} must be a list of names, as in -p {name}:=[/a,/b]")
+    shown = ParameterDescriptor(description=doc, read_only=node.autostart)
+    _declare(node, name, names or RosParameter.Type.STRING_ARRAY, shown)
     return names
 
 
@@ -89,20 +127,29 @@ def describe(limits: Range, value: Value, read_only: bool) -> ParameterDescripto
 def warn_of_unknown(node: Node, known: Collection[str]) -> None:
     """Logs every override of a parameter that the node does not have, with similar names."""
     for name in node.get_parameters_by_prefix(""):
-        if name in known or name in _OF_ROS or name.startswith("qos_overrides."):
+        if name in known or name in _OF_EVERY_NODE or name.startswith(QOS):
             continue
-        meant = did_you_mean(name, known)
-        node.get_logger().warning(f"parameter {name} is unknown and has no effect{meant and f'; {meant}'}")
+        node.get_logger().warning(unknown(name, known))
+
+
+def unknown(name: str, known: Collection[str]) -> str:
+    """That there is no such parameter, with similar names."""
+    meant = did_you_mean(name, known)
+    return f"parameter {name} is unknown and has no effect{meant and f'; {meant}'}"
 
 
 class ParameterUpdates:
     """Applies changes of parameters at run time: `take` applies all of them, or raises InputError and changes none."""
 
     def __init__(self, node: Node, table: Mapping[str, Parameter], take: Callable[[dict[str, Value]], None]) -> None:
-        self._table = table
-        self._take = take
+        self._node, self._table, self._take = node, table, take
         node.add_pre_set_parameters_callback(self._as_declared)
         node.add_on_set_parameters_callback(self._apply)
+
+    def close(self) -> None:
+        """Applies none from now on."""
+        self._node.remove_pre_set_parameters_callback(self._as_declared)
+        self._node.remove_on_set_parameters_callback(self._apply)
 
     def _as_declared(self, changed: list[RosParameter]) -> list[RosParameter]:
         """Integers that were given for floats, as by `ros2 param set ... 1`, as floats."""

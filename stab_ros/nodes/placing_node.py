@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import TypeAlias
 
 from stab_ros.core.errors import InputError, MessageError
-from stab_ros.core.kernels import Compilation, compile_kernels
+from stab_ros.core.kernels import Compilation
 from stab_ros.core.settings import Value
 from stab_ros.core.timeline import Advance
 from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
@@ -27,16 +27,15 @@ from stab_ros.nodes.frame_placer import Asked, FramePlacer, KnownCamera, MakeEng
 from stab_ros.nodes.georeference_status import GeoreferenceStatus
 from stab_ros.nodes.image_input import ImageInput
 from stab_ros.nodes.level_stamps import LevelStamps
+from stab_ros.nodes.managed_node import StabNode
 from stab_ros.nodes.motion_input import MotionInput, Told
 from stab_ros.nodes.patience import Patience
-from stab_ros.nodes.runtime import StabNode
 from stab_ros.nodes.sensor_inputs import SensorInputs
 from stab_ros.nodes.stamp_monitor import StampMonitor
 from stab_ros.nodes.stamp_pairing import Pair, StampPairing
 from stab_ros.nodes.throttled_warnings import ThrottledWarnings
 from stab_ros.parameters.node_settings import GeoreferenceSettings
 
-_POLL_NS = SECOND_NS // 10  # period at which subscribers, publishers and the silence are checked
 _SENSORS = (FIX_TOPIC, "attitude")  # which frames wait for in the engine
 _LENS = ("the tracker does not remove the distortion of this lens, its homographies are not exact; start it with "
          "use_camera_info:=true")
@@ -53,13 +52,9 @@ class PlacingNode(StabNode):
     COMPUTES = True
     settings: GeoreferenceSettings
 
-    def __init__(self, name: str) -> None:
-        """The subclass sets `settings` and calls `begin` with its parameters."""
-        super().__init__(name)
-
     def begin(self, values: Mapping[str, Value], config: GeoreferenceConfig, status: GeoreferenceStatus,
               make_engine: MakeEngine, level_given: bool) -> None:
-        """Prepares all inputs.
+        """Prepares all inputs; called by `configure` of the subclass, which has set `settings`.
 
         Args:
             values: parameters of the engines, checked.
@@ -100,15 +95,22 @@ class PlacingNode(StabNode):
     def on_answer(self, answer: Georeferenced, asked: Asked, engine: Georeferencer) -> None:
         """See `PlacerCallbacks`."""
 
-    # start and end ---------------------------------------------------------------------------------------------------
+    # lifecycle -------------------------------------------------------------------------------------------------------
     def on_compilation(self, progress: Compilation) -> None:
         self.status.waiting_for = progress.awaited
 
-    def prepare(self) -> None:
-        compile_kernels()  # done already, unless another executor spins this node
+    def activate(self) -> None:
         self._open_inputs()
-        self.create_steady_timer(_POLL_NS / SECOND_NS, self._poll)
-        self._poll()
+
+    def deactivate(self) -> None:
+        """Places the frames that wait by what is there; the map stays."""
+        self._images.close()
+        if self._motions is not None:
+            self._motions.close()
+            self._patience.pop(self._motions.topic, None)
+        self._place(self._frames.flush())
+        self.placer.finish()
+        self._motions = None
 
     def on_failure(self, error: BaseException) -> None:
         if not isinstance(error, Exception):
@@ -149,9 +151,8 @@ class PlacingNode(StabNode):
         self.placer.retry()
         self._images.release()
 
-    def _poll(self) -> None:
+    def poll(self) -> None:
         """Follows the publishers, starts to take images once subscribers are there, gives up waiting for the silent."""
-        self.free.ticked(_POLL_NS)
         self._sensors.refresh()
         self.status.faults = self._sensors.faults
         if self._camera_info is not None:

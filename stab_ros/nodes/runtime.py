@@ -1,4 +1,4 @@
-"""How the process of a node starts, spins and ends; the base class of the nodes."""
+"""How the process of a node starts, spins and ends."""
 
 from __future__ import annotations
 
@@ -7,90 +7,26 @@ import os
 import re
 import sys
 import time
-from collections.abc import Callable, Mapping
-from typing import Any, ClassVar
+from collections.abc import Callable
+from typing import Any
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.logging import LoggingSeverity, set_logger_level
-from rclpy.node import Node
-from rclpy.parameter import Parameter
-from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
 
-from stab_ros.core.errors import ConfigError, InputError
+from stab_ros.core.errors import InputError
 from stab_ros.core.kernels import Compilation
 from stab_ros.core.memory import keep_freed_memory
-from stab_ros.io.diagnostics_message import WARN, diagnostics_cdr
 from stab_ros.io.installed_types import python_folders
-from stab_ros.io.topics import DIAGNOSTICS_TOPIC
 from stab_ros.jobs.compiling import not_kept
 from stab_ros.nodes import log_folder
 from stab_ros.nodes.background_compilation import BackgroundCompilation
-from stab_ros.nodes.diagnostic_status import DiagnosticStatus
-from stab_ros.nodes.free_time import FreeTime
+from stab_ros.nodes.managed_node import StabNode
 from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.stopping import StopRequest, end_at_once
 from stab_ros.nodes.transport import use_profile
-
-_NO_CLOCK = "use_sim_time is set, but nobody publishes /clock; the time is zero until somebody does"
-
-
-class StabNode(Node):
-    """A node with diagnostics, steady timers, and parameters that may be given to the constructor.
-
-    stop: whether the node is to end; long waits check it. free: the time in which the node had nothing to do.
-    """
-
-    COMPUTES: ClassVar[bool] = False  # whether it uses kernels, which are then compiled before `prepare`
-
-    def __init__(self, name: str, given: Mapping[str, Any] | None = None) -> None:
-        overrides = [Parameter(key, value=value) for key, value in (given or {}).items()]
-        try:  # the overrides are declared as they come, so that `params.declare` can judge them
-            super().__init__(name, automatically_declare_parameters_from_overrides=True, parameter_overrides=overrides)
-        except ValueError as error:
-            raise ConfigError(f"a parameter was given an empty value, it must be left out instead ({error})") from error
-        except RuntimeError as error:  # rclpy's RCLError, as where security is asked for and cannot be had
-            raise InputError(f"the node cannot be made: {str(error).split(', at ')[0]}") from error
-        self.stop, self.free = StopRequest(), FreeTime()
-        self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, DIAGNOSTICS_TOPIC, 10)
-
-    def on_compilation(self, progress: Compilation) -> None:
-        """Called repeatedly while kernels are compiled."""
-
-    def prepare(self) -> None:
-        """Called once before `work`."""
-
-    def on_failure(self, error: BaseException) -> None:
-        """An error has escaped a callback; raised again, it ends the node."""
-        raise error
-
-    def work(self, spinner: Spinner) -> None:
-        """The main loop; returns when `spinner.stopping`, or when there is nothing left to do."""
-        while not spinner.stopping:
-            spinner.once()
-
-    def create_steady_timer(self, period_s: float, callback: Callable[[], None]) -> None:
-        """A timer on the monotonic clock, which runs also while simulated time stands still."""
-        self.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
-
-    def publish_diagnostics(self, status: DiagnosticStatus) -> None:
-        """One status on /diagnostics, named as the node and with its namespace as hardware_id."""
-        level, message = status.level, status.message
-        now_ns = self.get_clock().now().nanoseconds
-        if now_ns == 0:  # only a simulated clock can stand there
-            level, message = max(level, WARN), f"{message}; {_NO_CLOCK}"
-            self.get_logger().warning(_NO_CLOCK, once=True)
-        name = self.get_fully_qualified_name().lstrip("/")
-        self._diagnostics.publish(diagnostics_cdr(now_ns, name, self.get_namespace(), level, message, status.values))
-
-    def flush_diagnostics(self) -> None:
-        """Waits until subscribers have acknowledged the last report, at most 1 s."""
-        self._diagnostics.wait_for_all_acked(Duration(seconds=1))
 
 
 def run(make: Callable[[], StabNode], stop: StopRequest) -> int:
@@ -105,7 +41,7 @@ def run(make: Callable[[], StabNode], stop: StopRequest) -> int:
     compilation: BackgroundCompilation | None = None
     try:
         node = make()
-        node.stop = stop
+        node.stop, node.waits = stop, True
         for warning in filter(None, warnings):
             node.get_logger().warning(warning)
         compilation = BackgroundCompilation() if node.COMPUTES else None
@@ -125,8 +61,10 @@ def _spin(node: StabNode, stop: StopRequest, compilation: BackgroundCompilation 
         if compilation is not None:
             _compile(node, spinner, compilation)
         if not spinner.stopping:
-            node.prepare()
+            if node.autostart:
+                node.prepare()
             node.work(spinner)
+        node.end()
     finally:
         executor.shutdown()
         node.destroy_node()
@@ -136,7 +74,8 @@ def _compile(node: StabNode, spinner: Spinner, compilation: BackgroundCompilatio
     """Spins the node until its kernels are compiled; logs it unless all were found in the cache."""
     log, started_s, logged = node.get_logger(), time.monotonic(), False
     while not (compilation.done or spinner.stopping):
-        node.on_compilation(compilation.progress)
+        if node.is_configured:
+            node.on_compilation(compilation.progress)
         if compilation.progress.compiled and not logged:
             logged = True
             log.info("compiling kernels, once after an installation; no images are taken until that is done")

@@ -10,7 +10,7 @@ from typing import Any
 from std_srvs.srv import Trigger
 
 from stab_ros.core.errors import InputError, MessageError
-from stab_ros.core.kernels import Compilation, compile_kernels
+from stab_ros.core.kernels import Compilation
 from stab_ros.core.settings import Value
 from stab_ros.core.timeline import Advance
 from stab_ros.core.types import Frame, ResetReason, Track
@@ -23,9 +23,8 @@ from stab_ros.nodes.camera_info_subscription import CameraInfoSubscription
 from stab_ros.nodes.failures import Failures
 from stab_ros.nodes.image_input import ImageInput
 from stab_ros.nodes.lost_log import LostLog
+from stab_ros.nodes.managed_node import StabNode
 from stab_ros.nodes.reference_file import ReferenceFile
-from stab_ros.nodes.runtime import StabNode
-from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.stamp_monitor import StampMonitor
 from stab_ros.nodes.throttled_warnings import ThrottledWarnings
 from stab_ros.nodes.tracker_publishers import TrackerPublishers
@@ -37,9 +36,6 @@ from stab_ros.tracking.reference import SMALLEST_PX
 from stab_ros.tracking.stabilizer import Stabilizer
 from stab_ros.tracking.start_buffer import GroundState
 from stab_ros.tracking.static_map import StaticMap
-
-_POLL_NS = SECOND_NS // 10  # period at which subscribers, publishers and the silence are checked
-
 
 SETTINGS = params.table_of(TrackerSettings)
 # everything of the engine but the camera and the map, which are fixed once the first frame has been taken
@@ -63,6 +59,9 @@ class TrackerNode(StabNode):
 
     def __init__(self) -> None:
         super().__init__("tracker_node")
+
+    # lifecycle -------------------------------------------------------------------------------------------------------
+    def configure(self) -> None:
         table = table_with_preset(params.given(self, "method"))
         values = params.declare(self, {**table, **SETTINGS}, CHANGEABLE)
         params.warn_of_unknown(self, values)
@@ -87,18 +86,19 @@ class TrackerNode(StabNode):
         self._ground = GroundState.UNDECIDED  # at the last check
         self.outputs = TrackerPublishers(self, lossless=self.settings.queue_depth == 0)
         self.create_service(Trigger, "~/reset_reference", self._reset_reference)
-        params.ParameterUpdates(self, PARAMETERS, self._change)
-        self.create_steady_timer(1.0, self._report)
+        self.at_cleanup(params.ParameterUpdates(self, PARAMETERS, self._change).close)
 
-    # start and end ---------------------------------------------------------------------------------------------------
     def on_compilation(self, progress: Compilation) -> None:
         self.status.waiting_for = progress.awaited
 
-    def prepare(self) -> None:
-        compile_kernels()  # done already, unless another executor spins this node
+    def activate(self) -> None:
         self._resume()
-        self.create_steady_timer(_POLL_NS / SECOND_NS, self._poll)
-        self._poll()
+
+    def deactivate(self) -> None:
+        """Answers the frames of the start that wait; the reference stays."""
+        self._input.close()
+        self._publish_tracks(self._answered(self.stabilizer.finish))
+        self._publish_references()
 
     def _resume(self) -> None:
         """Resumes from the reference that an earlier run saved, if there is one."""
@@ -112,14 +112,12 @@ class TrackerNode(StabNode):
         self._resets = self.stabilizer.reset_counter
         self._publish_references()
 
-    def work(self, spinner: Spinner) -> None:
-        super().work(spinner)
+    def flush(self) -> None:
         self.outputs.flush()
 
     # input -----------------------------------------------------------------------------------------------------------
-    def _poll(self) -> None:
+    def poll(self) -> None:
         """Starts to take images once enough subscribers are there, and follows the publishers' QoS."""
-        self.free.ticked(_POLL_NS)
         if self.camera is not None:
             self.camera.refresh()
         if self._input.is_open:
@@ -270,7 +268,7 @@ class TrackerNode(StabNode):
         self.status.warn(kind, text)
         self._warnings.log(kind, text)
 
-    def _report(self) -> None:
+    def report(self) -> None:
         self.status.competing, self.status.relief = self.stabilizer.competing_hypothesis, self.stabilizer.relief
         self.status.ground, self.status.swing = self.stabilizer.ground, self.stabilizer.swing
         self.status.copied = self.stabilizer.copied_share

@@ -25,8 +25,8 @@ from stab_ros.io.topics import (
 )
 from stab_ros.io.track_message import track_cdr
 from stab_ros.nodes.cdr_publisher import CdrPublisher
+from stab_ros.nodes.managed_node import StabNode
 from stab_ros.nodes.qos import LATCHED
-from stab_ros.nodes.runtime import StabNode
 from stab_ros.tracking.debug_image import draw_debug
 from stab_ros.tracking.stabilizer import Stabilizer
 from stab_ros.tracking.static_map import StaticMap

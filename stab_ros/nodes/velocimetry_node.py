@@ -20,7 +20,6 @@ from stab_ros.nodes.frame_placer import Asked
 from stab_ros.nodes.georeference_status import Result
 from stab_ros.nodes.patience import Patience
 from stab_ros.nodes.placing_node import PlacingNode
-from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.static_map_input import StaticMapInput
 from stab_ros.nodes.velocimetry_publishers import VelocimetryPublishers
 from stab_ros.nodes.velocimetry_status import VelocimetryStatus
@@ -60,6 +59,8 @@ class VelocimetryNode(PlacingNode):
 
     def __init__(self) -> None:
         super().__init__("velocimetry_node")
+
+    def configure(self) -> None:
         given = [name for name in VELOCITY_PARAMETERS if params.given(self, name) is not None]
         table = velocity_table_with_preset(params.given(self, "method"))
         declared = params.declare(self, {**table, **SETTINGS}, CHANGEABLE)
@@ -83,11 +84,16 @@ class VelocimetryNode(PlacingNode):
         if takes_map(values) and self.takes_motion:
             self._map = StaticMapInput(self, self._use_map, lambda text: self.on_unusable("", text))
         self.outputs = VelocimetryPublishers(self, float(declared["grid_m"]), lossless=self.settings.queue_depth == 0)
-        params.ParameterUpdates(self, VELOCITY_PARAMETERS, self._change)
-        self.create_steady_timer(1.0, self.report)
+        self.at_cleanup(params.ParameterUpdates(self, VELOCITY_PARAMETERS, self._change).close)
 
-    def work(self, spinner: Spinner) -> None:
-        super().work(spinner)
+    def deactivate(self) -> None:
+        """Tells of the interval that is under way, too."""
+        super().deactivate()
+        self._release()
+        self._end(time.time_ns())
+
+    def flush(self) -> None:
+        """Tells of the interval that is under way, too."""
         self._release()
         self._end(time.time_ns())
         self.outputs.flush()

@@ -16,8 +16,8 @@ from stab_ros.io.topics import (
 )
 from stab_ros.jobs.velocity_messages import VelocityMessages, image_velocity_cdr
 from stab_ros.nodes.cdr_publisher import CdrPublisher
+from stab_ros.nodes.managed_node import StabNode
 from stab_ros.nodes.qos import LATCHED
-from stab_ros.nodes.runtime import StabNode
 from stab_ros.velocimetry.velocimeter import Measured
 
 

@@ -9,6 +9,14 @@ from stab_ros.georeferencing.level_doubts import LEVEL_TIMEOUT_S
 
 
 @dataclass(frozen=True)
+class ManagedSettings(Checked):
+    """Settings of every node."""
+
+    autostart: bool = setting(
+        True, "Whether the node configures and activates itself; false: it waits for a lifecycle manager, unconfigured")
+
+
+@dataclass(frozen=True)
 class TrackerSettings(Checked):
     """Settings of the tracker node."""
 

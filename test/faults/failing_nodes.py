@@ -41,8 +41,8 @@ class FailingEvaluator(Evaluator):
 class EvaluatorThatFails(EvaluatorNode):
     """With that evaluator."""
 
-    def __init__(self) -> None:
-        super().__init__()
+    def configure(self) -> None:
+        super().configure()
         self.evaluator = FailingEvaluator(self.evaluator.config)
 
 

@@ -1,0 +1,291 @@
+"""A managed node (ROS 2 lifecycle): the base class of the nodes, and what the states mean to them.
+
+| state | what there is |
+|---|---|
+| unconfigured | the node, its lifecycle services and /diagnostics; parameters may be set |
+| inactive | checked parameters, compiled kernels, publishers; no images are taken; a reference is kept |
+| active | images are taken |
+
+By default a node configures and activates itself (`autostart`). What `configure` made, entities and attributes, goes
+with `cleanup`; what `activate` made, with `deactivate`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar
+
+from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
+from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+
+from stab_ros.core.errors import ConfigError, InputError, StabRosError, WorkError
+from stab_ros.core.kernels import Compilation, compile_kernels
+from stab_ros.io.cdr import SECOND_NS
+from stab_ros.io.diagnostics_message import OK, WARN, diagnostics_cdr
+from stab_ros.io.topics import DIAGNOSTICS_TOPIC
+from stab_ros.nodes import params
+from stab_ros.nodes.diagnostic_status import DiagnosticStatus
+from stab_ros.nodes.failures import Failures
+from stab_ros.nodes.free_time import FreeTime
+from stab_ros.nodes.spinner import Spinner
+from stab_ros.nodes.stopping import StopRequest
+from stab_ros.parameters.node_settings import ManagedSettings
+
+_NO_CLOCK = "use_sim_time is set, but nobody publishes /clock; the time is zero until somebody does"
+_POLL_NS = SECOND_NS // 10
+_KINDS = ("timer", "subscription", "service", "client", "publisher")  # of entities, in the order they are destroyed
+
+
+class StabNode(LifecycleNodeMixin, params.DeclaringNode):
+    """A managed node with diagnostics, steady timers, and parameters that may be given to the constructor.
+
+    Subclasses say what `configure`, `activate`, `deactivate`, `poll` and `report` do. Where one of the first three
+    raises a StabRosError, the node goes back to the state before.
+
+    Attributes:
+        stop: whether the node is to end; long waits check it.
+        free: the time in which the node had nothing to do.
+        is_configured: whether it is inactive or active.
+        is_active: whether it takes images.
+        waits: whether it activates itself only when told to, and not at the first spin.
+    """
+
+    COMPUTES: ClassVar[bool] = False  # whether it uses kernels, which are compiled before it takes images
+
+    def __init__(self, name: str, given: Mapping[str, Any] | None = None) -> None:
+        """Makes the node, and configures it unless `autostart` is false.
+
+        Args:
+            name: of the node, unless it is remapped.
+            given: parameters that are overridden.
+
+        Raises:
+            InputError: a parameter cannot be used.
+        """
+        try:
+            params.DeclaringNode.__init__(self, name, given)
+            LifecycleNodeMixin.__init__(self)
+            self._refuse_impossible_transitions()
+        except ValueError as error:
+            raise ConfigError(f"a parameter was given an empty value, it must be left out instead ({error})") from error
+        except RuntimeError as error:  # rclpy's RCLError, as where security is asked for and cannot be had
+            raise InputError(f"the node cannot be made: {str(error).split(', at ')[0]}") from error
+        self.stop, self.free = StopRequest(), FreeTime()
+        self.is_configured = self.is_active = self.waits = False
+        self._refusal: StabRosError | None = None  # of the last transition
+        self._closing: list[Callable[[], None]] = []
+        self._before = _Made(self)  # what there was before `configure`
+        self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, DIAGNOSTICS_TOPIC, 10)
+        self.autostart = self._starts = bool(params.declare(self, params.table_of(ManagedSettings))["autostart"])
+        self.add_on_set_parameters_callback(self._refuse_unknown)
+        self.create_steady_timer(1.0, self._report_state)
+        self.create_steady_timer(_POLL_NS / SECOND_NS, self._poll_if_active)
+        if self.autostart:
+            self._bring_up(self.trigger_configure)
+
+    # what subclasses do ----------------------------------------------------------------------------------------------
+    def configure(self) -> None:
+        """Declares and checks everything. What it makes, attributes too, goes with `cleanup`."""
+
+    def activate(self) -> None:
+        """Begins to take images."""
+
+    def deactivate(self) -> None:
+        """Ends taking images; what is known stays."""
+
+    def poll(self) -> None:
+        """Follows the other nodes; called ten times a second while active."""
+
+    def report(self) -> None:
+        """Publishes the diagnostics; called once a second once configured."""
+
+    def on_compilation(self, progress: Compilation) -> None:
+        """Called repeatedly while kernels are compiled, once configured."""
+
+    def flush(self) -> None:
+        """Waits until what was sent has been received; called before the outputs go."""
+
+    def on_failure(self, error: BaseException) -> None:
+        """An error has escaped a callback; raised again, it ends the node."""
+        raise error
+
+    def work(self, spinner: Spinner) -> None:
+        """The main loop; returns when `spinner.stopping`, or when there is nothing left to do."""
+        while not spinner.stopping:
+            spinner.once()
+
+    # what they use ---------------------------------------------------------------------------------------------------
+    def at_cleanup(self, close: Callable[[], None]) -> None:
+        """Has `close` called when what `configure` made is let go, the last one first."""
+        self._closing.append(close)
+
+    def create_steady_timer(self, period_s: float, callback: Callable[[], None]) -> None:
+        """A timer on the monotonic clock, which runs also while simulated time stands still."""
+        self.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def publish_diagnostics(self, status: DiagnosticStatus) -> None:
+        """One status on /diagnostics, named as the node and with its namespace as hardware_id."""
+        level, message, state = status.level, status.message, self._state_machine.current_state[1]
+        if state != "active" and not self._starts:
+            message = f"{state}: {message}" if level != OK else state
+        now_ns = self.get_clock().now().nanoseconds
+        if now_ns == 0:  # only a simulated clock can stand there
+            level, message = max(level, WARN), f"{message}; {_NO_CLOCK}"
+            self.get_logger().warning(_NO_CLOCK, once=True)
+        name, values = self.get_fully_qualified_name().lstrip("/"), {**status.values, "lifecycle": state}
+        self._diagnostics.publish(diagnostics_cdr(now_ns, name, self.get_namespace(), level, message, values))
+
+    def flush_diagnostics(self) -> None:
+        """Waits until subscribers have acknowledged the last report, at most 1 s."""
+        self._diagnostics.wait_for_all_acked(Duration(seconds=1))
+
+    def end(self) -> None:
+        """Lets go of everything, at the end of the process.
+
+        Raises:
+            WorkError: what was written cannot be completed.
+        """
+        self._let_go()
+
+    def prepare(self) -> None:
+        """Activates the node at once rather than at its first spin; compiles its kernels if that is still to be done.
+
+        Raises:
+            StabRosError: it cannot take images.
+        """
+        self._starts = False
+        self._bring_up(self.trigger_activate)
+
+    # transitions -----------------------------------------------------------------------------------------------------
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self._before = _Made(self)
+        return self._attempt(self._configure, self._let_go)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        return self._attempt(self._activate, self.deactivate)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self.is_active = False
+        return self._attempt(self.deactivate, self.deactivate)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        return self._attempt(self._let_go, self._let_go)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self.stop.requested = True
+        return self._attempt(self._shut_down, self._let_go)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """After an error that nobody foresaw: everything is let go."""
+        return self._attempt(self._shut_down, self._let_go)
+
+    def _refuse_impossible_transitions(self) -> None:
+        """As rclpy answers those by an exception, which would end the node."""
+        service = next(one for one in self.services if one.srv_name.endswith("/change_state"))
+        change = service.callback
+
+        def change_if_possible(request: ChangeState.Request, response: ChangeState.Response) -> ChangeState.Response:
+            wanted, state = request.transition, self._state_machine.current_state[1]
+            possible = [(number, label) for number, label, *_ in self._state_machine.available_transitions]
+            if any(wanted.label == label if wanted.label else wanted.id == number for number, label in possible):
+                return change(request, response)
+            self.get_logger().warning(f"transition {wanted.label or wanted.id} is refused: the node is {state}, where "
+                                      f"there are {', '.join(label for _, label in possible) or 'none'}")
+            response.success = False
+            return response
+
+        service.callback = change_if_possible
+
+    def _configure(self) -> None:
+        self.configure()
+        if self.COMPUTES and not self.autostart:
+            compile_kernels()
+        self.is_configured = True
+
+    def _activate(self) -> None:
+        if self.COMPUTES:
+            compile_kernels()
+        self.activate()
+        self.is_active = True
+        self.poll()
+
+    def _shut_down(self) -> None:
+        if self.is_active:
+            self.is_active = False
+            self.deactivate()
+        self._let_go()
+
+    def _let_go(self) -> None:
+        if self.is_configured:
+            self.flush()
+        self.is_configured = False
+        while self._closing:
+            self._closing.pop()()
+        self._before.restore(self)
+
+    def _attempt(self, step: Callable[[], None], undo: Callable[[], None]) -> TransitionCallbackReturn:
+        """What becomes of a transition whose work is `step`; `undo`: where it fails."""
+        failures, self._refusal = Failures(self.get_logger()), None
+        with failures:
+            try:
+                step()
+            except StabRosError as error:
+                self._refusal = error
+                undo()
+                return TransitionCallbackReturn.FAILURE
+            return TransitionCallbackReturn.SUCCESS
+        self._refusal = WorkError(failures.last)
+        return TransitionCallbackReturn.ERROR
+
+    def _bring_up(self, trigger: Callable[[], TransitionCallbackReturn]) -> None:
+        if trigger() != TransitionCallbackReturn.SUCCESS and self._refusal is not None:
+            raise self._refusal
+
+    # timers and parameters -------------------------------------------------------------------------------------------
+    def _poll_if_active(self) -> None:
+        if self.is_active:
+            self.free.ticked(_POLL_NS)
+            self.poll()
+        elif self._starts and not self.waits:
+            self.prepare()
+
+    def _report_state(self) -> None:
+        if self.is_configured:
+            self.report()
+        else:
+            level = OK if self._refusal is None else WARN
+            self.publish_diagnostics(DiagnosticStatus(level, str(self._refusal or ""), {}))
+
+    def _refuse_unknown(self, changed: list[Parameter]) -> SetParametersResult:
+        """Before `configure` nobody knows which parameters there are; after it, others have no effect."""
+        for one in changed if self.is_configured else []:
+            if one.type_ is Parameter.Type.NOT_SET:
+                return SetParametersResult(successful=False, reason=f"{one.name} cannot be taken away, set it instead")
+            if not (self.has_parameter(one.name) or one.name.startswith(params.QOS)):
+                known = list(self.get_parameters_by_prefix(""))
+                return SetParametersResult(successful=False, reason=params.unknown(one.name, known))
+        return SetParametersResult(successful=True)
+
+
+class _Made:
+    """The entities and attributes that a node has at a time, to get rid of those that come later."""
+
+    def __init__(self, node: Node) -> None:
+        self._entities = {kind: list(getattr(node, f"{kind}s")) for kind in _KINDS}
+        self._attributes = set(vars(node)) | {"_before"}
+
+    def restore(self, node: Node) -> None:
+        """Destroys what the node has made since."""
+        for kind in _KINDS:
+            for entity in list(getattr(node, f"{kind}s")):
+                if not any(entity is one for one in self._entities[kind]):
+                    getattr(node, f"destroy_{kind}")(entity)
+        for name in set(vars(node)) - self._attributes:
+            delattr(node, name)
