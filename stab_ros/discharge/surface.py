@@ -65,9 +65,9 @@ def surface_velocities(section: CrossSection, wet: BoolArray, vectors: Vectors, 
         min_vectors: fewer of them make no median.
     """
     near, nearest_m = _near(section, wet, vectors, search_m)
-    downstream = _downstream(section.normal, vectors, near)
-    across, own = vectors.velocity_m_s @ downstream, np.einsum("i,nij,j->n", downstream, vectors.covariance, downstream)
     groups = [found if len(found) >= min_vectors else found[:0] for found in near]
+    downstream = _downstream(section, vectors, groups)
+    across, own = vectors.velocity_m_s @ downstream, np.einsum("i,nij,j->n", downstream, vectors.covariance, downstream)
     tracks = np.array([len(np.unique(vectors.track_id[found])) for found in groups])
     offsets = [_offset_m(section, i, vectors, found) for i, found in enumerate(groups)]
     changes = _changes(section, wet, vectors, across, groups, _REACH * search_m)
@@ -129,11 +129,15 @@ def _widths_m(section: CrossSection, wet: BoolArray) -> FloatArray:
     return width
 
 
-def _downstream(normal: FloatArray, vectors: Vectors, near: list[IdArray]) -> FloatArray:
-    """The normal on the side to which the water flows."""
-    used = np.unique(np.concatenate(near))
-    sign = -1.0 if len(used) and (vectors.velocity_m_s[used] @ normal).sum() < 0 else 1.0
-    return np.asarray(sign * normal)
+def _downstream(section: CrossSection, vectors: Vectors, groups: list[IdArray]) -> FloatArray:
+    """The normal on the side to which more water flows: the sum over verticals of median times width.
+
+    So neither a few wild vectors decide it, as they would by the mean of all, nor the many vectors of a slow eddy, as
+    they would by the side to which most point.
+    """
+    median = _medians(vectors.velocity_m_s @ section.normal, groups)
+    flows_back = np.nansum(median * np.gradient(section.chainage_m)) < 0
+    return np.asarray(-section.normal if flows_back else section.normal)
 
 
 def _scatter(told: Sequence[FloatArray], tracks: IdArray) -> FloatArray:
