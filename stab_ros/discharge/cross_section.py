@@ -23,6 +23,7 @@ class CrossSection:
         bed_m: (N,), elevation of the bed in the heights of the water level.
         along: (2,), unit vector of the line in the map.
         offset_m: (N,), of the points from the line, m.
+        fixed_m: (2,), the place from which places are measured: the origin of the map, or where the line starts.
 
     Raises:
         InputError: fewer than three points, or values that are not finite.
@@ -33,11 +34,12 @@ class CrossSection:
     bed_m: FloatArray
     along: FloatArray
     offset_m: FloatArray
+    fixed_m: FloatArray
 
     def __post_init__(self) -> None:
         n = len(self.chainage_m)
-        shapes = self.position_m.shape, self.bed_m.shape, self.along.shape, self.offset_m.shape
-        if shapes != ((n, 2), (n,), (2,), (n,)):
+        shapes = tuple(values.shape for values in (self.position_m, self.bed_m, self.along, self.offset_m, self.fixed_m))
+        if shapes != ((n, 2), (n,), (2,), (n,), (2,)):
             raise ValueError(f"{n} points with arrays of {shapes}")
         if n < _FEWEST:
             raise InputError(f"a section of {n} points, it must have at least {_FEWEST}")
@@ -58,6 +60,11 @@ class CrossSection:
         east, north, bed, offset = (np.interp(chainage_m, self.chainage_m, column) for column in columns)
         return replace(self, position_m=np.column_stack([east, north]), chainage_m=np.asarray(chainage_m, float),
                        bed_m=bed, offset_m=offset)
+
+    def with_places_times(self, factor: float) -> CrossSection:
+        """The section with its places, but not its heights, in another unit."""
+        return replace(self, position_m=self.fixed_m + factor * (self.position_m - self.fixed_m),
+                       chainage_m=factor * self.chainage_m, offset_m=factor * self.offset_m)
 
 
 def referenced(position_m: FloatArray, bed_m: FloatArray) -> CrossSection:
@@ -84,7 +91,7 @@ def referenced(position_m: FloatArray, bed_m: FloatArray) -> CrossSection:
     chainage = places[order] - places[order[0]]
     _check_length(chainage)
     offset = ((position_m - centre) @ np.array([along[1], -along[0]]))[order]
-    return CrossSection(position_m[order], chainage, bed_m[order], along, offset)
+    return CrossSection(position_m[order], chainage, bed_m[order], along, offset, np.zeros(2))
 
 
 def between(start_m: FloatArray, end_m: FloatArray, chainage_m: FloatArray, bed_m: FloatArray,
@@ -110,7 +117,8 @@ def between(start_m: FloatArray, end_m: FloatArray, chainage_m: FloatArray, bed_
     distance = np.asarray(chainage_m, float)[order]
     _check_length(distance)
     position = start_m + (distance - start_chainage_m)[:, None] * along
-    return CrossSection(position, distance, np.asarray(bed_m, float)[order], along, np.zeros(len(distance)))
+    return CrossSection(position, distance, np.asarray(bed_m, float)[order], along, np.zeros(len(distance)),
+                        start_m)
 
 
 def _check_length(chainage_m: FloatArray) -> None:

@@ -329,7 +329,7 @@ class PlacingNode(StabNode):
             return ()
         age_s = (self._newest_ns - self.status.newest_ns(WATER_LEVEL_TOPIC)) / SECOND_NS
         if math.isfinite(age_s):
-            return (stale_level(age_s),) if age_s > self.settings.water_level_timeout_s else ()
+            return stale_level(age_s, self.settings.water_level_timeout_s)
         if self._sensors.level.publishers:
             return (silent_level(self._sensors.level.topic, self._wse_m),)
         needed = needs_level(self._config) and not self._level_given
