@@ -24,6 +24,7 @@ class CrossSection:
         along: (2,), unit vector of the line in the map.
         offset_m: (N,), of the points from the line, m.
         fixed_m: (2,), the place from which places are measured: the origin of the map, or where the line starts.
+        line_m: distance between the two places that tell the line; None: the points themselves tell it.
 
     Raises:
         InputError: fewer than three points, or values that are not finite.
@@ -35,10 +36,12 @@ class CrossSection:
     along: FloatArray
     offset_m: FloatArray
     fixed_m: FloatArray
+    line_m: float | None = None
 
     def __post_init__(self) -> None:
         n = len(self.chainage_m)
-        shapes = tuple(values.shape for values in (self.position_m, self.bed_m, self.along, self.offset_m, self.fixed_m))
+        arrays = self.position_m, self.bed_m, self.along, self.offset_m, self.fixed_m
+        shapes = tuple(values.shape for values in arrays)
         if shapes != ((n, 2), (n,), (2,), (n,), (2,)):
             raise ValueError(f"{n} points with arrays of {shapes}")
         if n < _FEWEST:
@@ -100,7 +103,7 @@ def between(start_m: FloatArray, end_m: FloatArray, chainage_m: FloatArray, bed_
 
     Args:
         start_m: (2,), where the line starts: east and north.
-        end_m: (2,), where it ends; only its direction counts.
+        end_m: (2,), where it ends, or any place in it: its direction counts.
         chainage_m: (N,), distance of each point.
         bed_m: (N,), bed elevation.
         start_chainage_m: the chainage at `start_m`.
@@ -118,7 +121,7 @@ def between(start_m: FloatArray, end_m: FloatArray, chainage_m: FloatArray, bed_
     _check_length(distance)
     position = start_m + (distance - start_chainage_m)[:, None] * along
     return CrossSection(position, distance, np.asarray(bed_m, float)[order], along, np.zeros(len(distance)),
-                        start_m)
+                        start_m, length_m)
 
 
 def _check_length(chainage_m: FloatArray) -> None:

@@ -1,6 +1,6 @@
 """Whether a section whose numbers are read as feet fits the velocities that it does not fit as it is.
 
-Nothing but the water that moves tells it: it must reach from shore to shore of the section. As vectors may cover a part
+Mostly the water that moves tells it: it must reach from shore to shore of the section. As vectors may cover a part
 of the water alone, another unit is mentioned only where the section covers them badly as it is, well in feet, and where
 they slow down towards both their ends, as water does towards shores.
 """
@@ -15,7 +15,7 @@ import numpy as np
 from stab_ros.core.types import FloatArray
 from stab_ros.discharge.cross_section import CrossSection
 from stab_ros.discharge.wetted import shores_m
-from stab_ros.georeferencing.unit_checks import FOOT_M
+from stab_ros.georeferencing.unit_checks import FOOT_M, is_feet
 from stab_ros.velocimetry.vectors import Vectors
 
 _FEWEST = 30  # vectors that show where the water is
@@ -40,9 +40,18 @@ def in_feet(section: CrossSection, vectors: Vectors, wse_m: float) -> tuple[str,
     fits = {what: _fit(other, vectors, wse_m) for what, other in _readings(section)}
     best = max(fits, key=lambda what: fits[what])
     if fits[best] < _GOOD:
-        return ()
+        return _by_the_line(section)
     return (f"read as feet, the {best} of the section fit the water that the velocities show, as metres they do not: "
             "if they are in feet, their columns must say so, as in Z (ft)",)
+
+
+def _by_the_line(section: CrossSection) -> tuple[str, ...]:
+    """What the places that were given for the line tell, where they are its ends."""
+    length_m = float(np.ptp(section.chainage_m))
+    if section.line_m is None or length_m < section.line_m or not is_feet(length_m / section.line_m):
+        return ()
+    return (f"the distances of the section reach over {length_m:.4g} m, the places between which they lie are "
+            f"{section.line_m:.4g} m apart: if they are in feet, their column must say so, as in chainage (ft)",)
 
 
 def _readings(section: CrossSection) -> Iterator[tuple[str, CrossSection]]:

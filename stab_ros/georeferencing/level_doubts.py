@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-LEVEL_TIMEOUT_S = 900.0  # age above which a level is stale, where water_level_timeout_s asks for nothing else; gauges tell one in 15 min
+LEVEL_TIMEOUT_S = 900.0  # age above which a level is stale, where nothing else is asked for; gauges tell one in 15 min
 
 
 def missing_level(wse_m: float, of: str = "no water_level has come") -> str:
@@ -20,8 +20,8 @@ def stale_level(age_s: float, timeout_s: float = LEVEL_TIMEOUT_S) -> tuple[str, 
     """That the last level is older than `timeout_s` under the last frame; in one line, if it is."""
     if age_s <= timeout_s:
         return ()
-    return (f"the water level is {age_s:.0f} s old, it must not be older than {timeout_s:g} s: if it has changed, scale "
-            "and depths are wrong",)
+    return (f"the water level is {age_s:.0f} s old, it must not be older than {timeout_s:g} s: if it has changed, "
+            "scale and depths are wrong",)
 
 
 def late_level(after_s: float) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -63,6 +64,15 @@ def test_what_the_velocities_cannot_tell_is_not_said() -> None:
     assert in_feet(depths, RIVER.vectors(np.random.default_rng(0)), 0.0) == ()
 
 
+def test_the_ends_of_a_line_tell_feet_where_velocities_cannot() -> None:
+    def of(places: float, line_m: float) -> tuple[str, ...]:
+        return doubts(between(np.zeros(2), np.array([0.0, line_m]), S * places, BED), 8.0)
+
+    said, = of(FEET, 22.0)
+    assert "reach over 72.18 m, the places between which they lie are 22 m apart" in said
+    assert of(FEET, 1.0) == of(FEET, 40.0) == of(1.0, 22.0) == of(1.0, 1.0) == of(1.0, 72.0) == ()
+
+
 def test_a_bank_that_is_measured_too_tells_no_water() -> None:
     def bank_too(s: FloatArray) -> FloatArray:
         return np.where(s < WIDTH_M, RIVER.speed_m_s(s), 0.0)
@@ -75,11 +85,11 @@ def test_a_bank_that_is_measured_too_tells_no_water() -> None:
 def test_places_far_from_the_map_and_high_elevations_say_why_there_is_no_discharge() -> None:
     vectors = RIVER.vectors(np.random.default_rng(0))
     far = referenced(np.column_stack([0 * S + 40, S - 50]) * FEET, BED)
-    moved = type(vectors)(vectors.start_m + [40, -50], vectors.end_m + [40, -50], vectors.start_ns, vectors.end_ns,
-                          vectors.covariance, vectors.shared, vectors.track_id)
-    with pytest.raises(InputError, match="no vector lies within .* away; read as feet, the places of the section fit"):
+    away = np.array([40, -50])
+    moved = replace(vectors, start_m=vectors.start_m + away, end_m=vectors.end_m + away)
+    with pytest.raises(InputError, match=r"no vector lies within .* away; read as feet, the places of the section fit"):
         measure(moved, far, WSE_M, DischargeConfig(draws=100))
-    with pytest.raises(InputError, match="is dry: .* m; read as feet, the heights of the section fit"):
+    with pytest.raises(InputError, match=r"is dry: .* m; read as feet, the heights of the section fit"):
         measure(vectors, surveyed(1, FEET), WSE_M, DischargeConfig(draws=100))
     found = measure(vectors, by_chainage(FEET), WSE_M, DischargeConfig(draws=100))
     assert sum("read as feet" in warning for warning in found.warnings) == 1
