@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stab_ros.core.errors import InputError
+from stab_ros.core.text import counted
 from stab_ros.core.types import FloatArray
 
 _FEWEST = 3  # points that make a section
@@ -45,7 +46,7 @@ class CrossSection:
         if shapes != ((n, 2), (n,), (2,), (n,), (2,)):
             raise ValueError(f"{n} points with arrays of {shapes}")
         if n < _FEWEST:
-            raise InputError(f"a section of {n} points, it must have at least {_FEWEST}")
+            raise InputError(f"a section of {counted(n, 'point')}, it must have at least {_FEWEST}")
         if not all(np.isfinite(values).all() for values in (self.position_m, self.chainage_m, self.bed_m)):
             raise InputError("a section with places or heights that are not finite, all must be numbers")
 
@@ -85,7 +86,7 @@ def referenced(position_m: FloatArray, bed_m: FloatArray) -> CrossSection:
     """
     position_m, bed_m = np.asarray(position_m, float), np.asarray(bed_m, float)
     if len(position_m) < _FEWEST:
-        raise InputError(f"a section of {len(position_m)} points, it must have at least {_FEWEST}")
+        raise InputError(f"a section of {counted(len(position_m), 'point')}, it must have at least {_FEWEST}")
     centre = position_m.mean(axis=0)
     _, _, directions = np.linalg.svd(np.nan_to_num(position_m - centre), full_matrices=False)
     along = directions[0] * (1.0 if directions[0] @ (position_m[-1] - position_m[0]) >= 0 else -1.0)

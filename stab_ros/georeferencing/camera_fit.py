@@ -15,6 +15,7 @@ import numpy as np
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import normalized
+from stab_ros.core.text import counted
 from stab_ros.core.types import BoolArray, FloatArray, Homography
 from stab_ros.georeferencing.adjustment import Solution
 from stab_ros.georeferencing.camera_problem import CameraProblem, KnownPosition, Unknowns
@@ -217,7 +218,7 @@ def _check_count(count: int, unknowns: Unknowns) -> None:
     else:
         least, what = 3, "the pose of a known camera"
     if count < least:
-        raise InputError(f"{count} control points, there must be at least {least} for {what}")
+        raise InputError(f"{counted(count, 'control point')}, there must be at least {least} for {what}")
 
 
 def _rms(errors: FloatArray) -> float:

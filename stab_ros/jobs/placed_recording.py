@@ -10,6 +10,7 @@ from pathlib import Path
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.settings import Value
+from stab_ros.core.text import counted
 from stab_ros.core.types import Homography
 from stab_ros.georeferencing.georeferencer import Georeferencer
 from stab_ros.georeferencing.level_doubts import missing_level, stale_level
@@ -149,7 +150,7 @@ def prepared(job: Placed, source: Source, config: GeoreferenceConfig | None = No
     sensors = _sensors_of(job, config)
     stabilised = source.image_topic == topic_in(namespace, STABILIZED_TOPIC)
     damaged = 0 if recorded is None else recorded.damaged
-    lost = f"{source.name}: {damaged} messages of homographies cannot be read, their frames are lost"
+    lost = f"{source.name}: {counted(damaged, 'message')} of homographies cannot be read, their frames are lost"
     warnings = (*((lost,) if damaged else ()), *(() if sensors is None else sensors.warnings))
     needs = (needs_motion(config), needs_level(config))
     if stabilised:

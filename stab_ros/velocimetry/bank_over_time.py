@@ -6,6 +6,7 @@ from collections.abc import Collection
 
 import numpy as np
 
+from stab_ros.core.text import counted
 from stab_ros.velocimetry.bank import BankVelocity, bank_velocity
 from stab_ros.velocimetry.plane_mask import PlaneMask
 from stab_ros.velocimetry.velocimeter import Measured
@@ -39,4 +40,5 @@ def told(bank: BankVelocity, unit: str) -> str:
     x, y = bank.median_m_s
     sigma = float(np.hypot(*bank.sigma_m_s))
     rest = "that is zero within its error bar" if bank.at_rest else "that is not zero"
-    return f"({x:.2g}, {y:.2g}) {unit}/s with a standard deviation of {sigma:.2g} ({bank.count} vectors): {rest}"
+    measured = f"({x:.2g}, {y:.2g}) {unit}/s with a standard deviation of {sigma:.2g}"
+    return f"{measured} ({counted(bank.count, 'vector')}): {rest}"

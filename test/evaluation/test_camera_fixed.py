@@ -91,8 +91,8 @@ def test_points_on_dirt_are_left_out_and_told() -> None:
     count = int(found.camera_fixed.sum())
     assert tree["points_left_out"]["fixed_to_camera"] == count
     assert [one["fixed_to_camera"] for one in tree["points"]] == found.camera_fixed.tolist()
-    assert tree["remarks"] == [f"{count} of {len(found.points)} verification points move with the camera, as dirt on "
-                               "the lens or an overlay does: they are left out"]
+    assert tree["remarks"] == [f"{count} of {len(found.points)} verification points are moving with the camera, as "
+                               "dirt on the lens or an overlay does: left out"]
 
 
 @pytest.mark.parametrize("told", [True, False], ids=["homographies", "none"])

@@ -159,7 +159,7 @@ def test_a_rating_curve_grows(tmp_path: Path, velocity: Path, capsys: pytest.Cap
     rating, section = tmp_path / "R.csv", survey(tmp_path / "S.csv")
     call = ["discharge", str(velocity), str(section), "--wse", "10", "--rating", str(rating)]
     assert main(call) == 0
-    assert "none yet: 1 different stages" in capsys.readouterr().out
+    assert "none yet: 1 different stage tells no rating curve" in capsys.readouterr().out
     assert main(call) == 0  # the same source again
     assert len(rating.read_text().splitlines()) == 2
     with rating.open("a") as file:

@@ -155,7 +155,7 @@ def test_order_and_twins(tmp_path: Path) -> None:
     path, done = converted(tmp_path, "a.csv", f"time,lat,lon,height\n{rows}")
     assert [message.latitude for _, message in by_rosbags(path)["/camera/fix"]] == [55.0000001, 55.0000002, 55.0000003]
     assert [line.partition("a.csv: ")[2] for line in done.warnings] == [
-        "1 moments have the time of an earlier one and are left out",
+        "1 moment has the time of an earlier one and is left out",
         "its moments are not in the order of time, they are put in it"]
 
 
