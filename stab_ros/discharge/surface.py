@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from stab_ros.core.robust import robust_sigma
 from stab_ros.core.types import BoolArray, FloatArray, IdArray
 from stab_ros.discharge.cross_section import CrossSection
-from stab_ros.discharge.local_change import MAD_TO_SIGMA, Change, local_change
+from stab_ros.discharge.local_change import Change, local_change
 from stab_ros.discharge.wetted import DRY, channel_width_m, channels
 from stab_ros.velocimetry.vectors import Vectors
 
@@ -142,8 +143,7 @@ def _downstream(section: CrossSection, vectors: Vectors, groups: list[IdArray]) 
 
 def _scatter(told: Sequence[FloatArray], tracks: IdArray) -> FloatArray:
     """(N,), standard deviation of single tracks around the median of their vertical."""
-    seen = np.array([MAD_TO_SIGMA * float(np.median(np.abs(one - np.median(one)))) if len(one) else np.nan
-                     for one in told])
+    seen = np.array([float(robust_sigma(one)) if len(one) else np.nan for one in told])
     many = seen[tracks > 2]
     pooled = float(np.median(many)) if len(many) else np.nan
     joint = seen if np.isnan(pooled) else np.sqrt((tracks * seen**2 + _POOLED_AS * pooled**2) / (tracks + _POOLED_AS))

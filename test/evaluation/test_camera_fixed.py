@@ -142,7 +142,7 @@ def test_points_of_the_user_are_warned_about_and_kept() -> None:
     named: list[NamedPoint] = [(point.name, float(point.x_px), float(point.y_px)) for point in chosen.points]
     found = judged(Evaluator(EVERY, named), arrivals(specks))
     assert found.camera_fixed.any()
-    assert "they count all the same" in found.remarks[0]
+    assert "does: counted all the same" in found.remarks[0]
     assert topic_json(found)["points_left_out"]["fixed_to_camera"] == int((~found.static & found.camera_fixed).sum())
     assert all(row["points_used"] for row in found.measured)
 

@@ -244,5 +244,5 @@ def test_heights_that_are_none_and_positions_that_are_missing_are_said(tmp_path:
     assert any("there are no positions to be written, only attitudes" in line for line in nowhere.warnings)
     with pytest.raises(InputError, match=r"--home-height: 1e\+20 m, it must lie within 100000 m"):
         converted(tmp_path, "home.srt", subtitles(9), force=True, home_height_m=1e20)
-    with pytest.raises(InputError, match="hold no moment and are left out, the first is line 2"):
+    with pytest.raises(InputError, match="1 line holds no moment and is left out, the first is line 2"):
         converted(tmp_path, "never.csv", head + "soon,55,-1.67,9,10,-90\n", force=True)
