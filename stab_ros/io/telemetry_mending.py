@@ -85,5 +85,5 @@ def _coarse(records: Sequence[Record]) -> list[str]:
         if len(places) and np.abs(places - np.round(places, digits)).max() < _ROUNDING_DEG:
             step_m = _METRES_PER_DEGREE / 10**digits
             if step_m > _COARSE_M:
-                return [f"its positions have {digits} decimals, they are told in steps of {step_m:.3g} m"]
+                return [f"its positions have {counted(digits, 'decimal')}, they are told in steps of {step_m:.3g} m"]
     return []
