@@ -45,17 +45,17 @@ class BankVelocity:
         return bool(self.median_m_s @ np.linalg.pinv(self.covariance, hermitian=True) @ self.median_m_s <= _CHI2_99)
 
 
-def bank_velocity(vectors: Vectors, bank: PlaneMask) -> BankVelocity:
+def bank_velocity(vectors: Vectors, bank: PlaneMask | None) -> BankVelocity:
     """The velocity of what lies on the bank.
 
     Args:
         vectors: of one interval, measured on water and bank alike.
-        bank: static ground on the plane of the vectors, as a static map or polygons.
+        bank: static ground on the plane of the vectors, as a static map or polygons; None: all lies on it.
 
     Returns:
         The median of the vectors that begin and end on it, with covariance.
     """
-    still = vectors[bank.holds(vectors.start_m) & bank.holds(vectors.end_m)]
+    still = vectors if bank is None else vectors[bank.holds(vectors.start_m) & bank.holds(vectors.end_m)]
     n = len(still)
     if not n:
         return BankVelocity(0, np.full(2, np.nan), np.full((2, 2), np.nan))

@@ -8,15 +8,12 @@ import numpy as np
 
 from stab_ros.core.text import counted
 from stab_ros.velocimetry.bank import BankVelocity, bank_velocity
-from stab_ros.velocimetry.plane_mask import PlaneMask
 from stab_ros.velocimetry.velocimeter import Measured
 
 
 def bank_of(measured: Measured) -> BankVelocity:
     """The velocity of the bank in an interval that was measured there alone."""
-    vectors, zone = measured.vectors, measured.zone
-    everywhere = np.ones((1, 1), bool) if zone.allowed is None else zone.allowed
-    return bank_velocity(vectors, PlaneMask(everywhere, np.linalg.inv(zone.plane_H_ref)))
+    return bank_velocity(measured.vectors, measured.zone.mask)
 
 
 def over_time(banks: Collection[BankVelocity]) -> BankVelocity:
