@@ -5,6 +5,7 @@ VENV := .venv
 INSTALLED := $(VENV)/.installed
 DOCS_INSTALLED := $(VENV)/.docs_installed
 PY := $(VENV)/bin/python
+BY_FILE := --dist loadfile --no-loadscope-reorder # in the order of test/conftest.py
 
 # The wheels in .venv are a ROS 2 of their own: one sourced in this shell (or another .venv) must not shine through.
 unexport PYTHONHOME PYTHONPATH LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
@@ -36,7 +37,7 @@ demo: $(INSTALLED)
 
 test: export ROS_PYTHON_CHECK_FIELDS := 1
 test: lint
-	$(PY) -m pytest -n 2 --dist loadfile --ignore test/faults -m "not thorough"
+	$(PY) -m pytest -n 2 $(BY_FILE) --ignore test/faults -m "not thorough"
 
 thorough: $(INSTALLED)
 	$(PY) -m pytest -n 2 --dist load --ignore test/faults -m thorough
@@ -44,11 +45,11 @@ thorough: $(INSTALLED)
 check: lint test-fast
 
 test-fast: $(INSTALLED)
-	$(PY) -m pytest -n 2 --dist loadfile --ignore test/faults -m "not (dds or big or slow or thorough)" -q
+	$(PY) -m pytest -n 2 $(BY_FILE) --ignore test/faults -m "not (dds or big or slow or thorough)" -q
 
 faults: export ROS_PYTHON_CHECK_FIELDS := 1
 faults: $(INSTALLED)
-	$(PY) -m pytest -n 2 --dist loadfile test/faults
+	$(PY) -m pytest -n 2 $(BY_FILE) test/faults
 
 soak: $(INSTALLED)
 	@$(PY) bench/soak.py

@@ -61,6 +61,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.thorough)
         if item.path.stem in _SLOW or method not in _QUICK_METHODS:
             item.add_marker(pytest.mark.slow)
+    waiting = {item.path for item in items if item.get_closest_marker("dds")}
+    items.sort(key=lambda item: item.path not in waiting)  # nodes wait for each other: others fill the time to the end
 
 
 @pytest.fixture(scope="session")

@@ -8,6 +8,7 @@ from typing import Any
 
 from stab_ros.cli.console import DONE, progress_bar, quiet_libraries, tell, warn
 from stab_ros.cli.options import INPUT, add_force, command, positive_float, positive_int
+from stab_ros.core.text import counted
 
 
 def add(commands: Any) -> None:
@@ -31,5 +32,5 @@ def run(options: argparse.Namespace) -> int:
     with quiet_libraries(), progress_bar("messages") as progress:
         done = convert(job, progress)
     warn(done.warnings)
-    tell(f"{done.messages} messages\nbag: {job.output}")
+    tell(f"{counted(done.messages, 'message')}\nbag: {job.output}")
     return DONE

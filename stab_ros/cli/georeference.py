@@ -9,6 +9,7 @@ from typing import Any
 from stab_ros.cli.console import DONE, progress_bar, quiet_libraries, tell, warn
 from stab_ros.cli.options import command, positive_float
 from stab_ros.cli.placing_options import add_inputs, add_reading, values_of
+from stab_ros.core.text import counted
 
 
 def add(commands: Any) -> None:
@@ -43,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
     with quiet_libraries(), progress_bar("frames") as progress:
         result = georeference(job, progress, compile_shown)
     warn(result.warnings)
-    tell(f"{result.frames} frames: {result.placed} placed, {result.unplaced.total()} unplaced, "
+    tell(f"{counted(result.frames, 'frame')}: {result.placed} placed, {result.unplaced.total()} unplaced, "
          f"{result.frames / result.duration_s:.1f} frames/s")
     for reason, count in result.unplaced.most_common():
         tell(f"unplaced {count} of {result.frames}: {reason}")

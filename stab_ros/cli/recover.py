@@ -8,6 +8,7 @@ from typing import Any
 
 from stab_ros.cli.console import DONE, tell, warn
 from stab_ros.cli.options import add_force, command
+from stab_ros.core.text import counted
 
 
 def add(commands: Any) -> None:
@@ -27,5 +28,5 @@ def run(options: argparse.Namespace) -> int:
     check_output(options.fixed, ".mcap", options.broken, options.force)
     saved = recover(options.broken, options.fixed, options.force)
     warn(saved.warnings)
-    tell(f"{saved.messages} messages on {saved.topics} topics\nbag: {options.fixed}")
+    tell(f"{counted(saved.messages, 'message')} on {counted(saved.topics, 'topic')}\nbag: {options.fixed}")
     return DONE

@@ -8,6 +8,7 @@ from typing import Any
 
 from stab_ros.cli.console import DONE, note, progress_bar, quiet_libraries, tell, warn
 from stab_ros.cli.options import INPUT, add_force, add_time, assignment, command, positive_float, positive_int
+from stab_ros.core.text import counted
 
 
 def add(commands: Any) -> None:
@@ -50,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
         summary = stabilize(job, progress, compile_shown)
     note(summary.notes)
     warn(summary.warnings)
-    tell(f"{summary.frames} frames: {summary.tracked} tracked, {summary.lost.total()} lost, "
+    tell(f"{counted(summary.frames, 'frame')}: {summary.tracked} tracked, {summary.lost.total()} lost, "
           f"{summary.frames / summary.duration_s:.1f} frames/s")
     if summary.lost:
         tell(f"lost {summary.lost.total()} of {summary.frames}: {by_reason(summary.lost)}")

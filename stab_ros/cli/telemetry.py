@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from stab_ros.cli.console import DONE, note, progress_bar, quiet_libraries, tell, warn
 from stab_ros.cli.options import add_force, command, finite, namespace, positive_float
+from stab_ros.core.text import counted
 
 if TYPE_CHECKING:
     from stab_ros.io.fix_message import Fix
@@ -64,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
         done = convert_telemetry(job, progress)
     note(done.notes)
     warn(done.warnings)
-    tell(*(f"{name}: {count} messages" for name, count in done.counts.items()))
+    tell(*(f"{name}: {counted(count, 'message')}" for name, count in done.counts.items()))
     if done.first is not None:
         tell(f"first position: {_place(done.first)}")
     tell(f"bag: {job.output}")

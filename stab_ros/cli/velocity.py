@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from stab_ros.cli.console import DONE, progress_bar, quiet_libraries, tell, warn
 from stab_ros.cli.options import command
 from stab_ros.cli.placing_options import add_inputs, add_reading, values_of
+from stab_ros.core.text import counted
 
 if TYPE_CHECKING:
     from stab_ros.jobs.velocity import Velocities
@@ -60,11 +61,11 @@ def _tell(result: Velocities) -> None:
     from stab_ros.velocimetry.bank_over_time import told
 
     unplaced = result.unplaced.total()
-    tell(f"{result.frames} frames: {result.frames - unplaced} placed, {unplaced} unplaced, "
+    tell(f"{counted(result.frames, 'frame')}: {result.frames - unplaced} placed, {unplaced} unplaced, "
          f"{result.frames / result.duration_s:.1f} frames/s")
     for reason, count in result.unplaced.most_common():
         tell(f"unplaced {count} of {result.frames}: {reason}")
-    tell(f"vectors:      {len(result.vectors)} in {result.intervals} intervals")
+    tell(f"vectors:      {len(result.vectors)} in {counted(result.intervals, 'interval')}")
     if len(result.vectors):
         tell(f"median speed: {result.median_speed:.4g} {result.unit}/s")
     if result.bank.count:

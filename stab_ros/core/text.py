@@ -1,4 +1,4 @@
-"""Text of numbers and errors."""
+"""Text of numbers, counts and errors."""
 
 from __future__ import annotations
 
@@ -6,6 +6,16 @@ from __future__ import annotations
 def number(value: float | None) -> str:
     """The number with full double precision; empty for None."""
     return "" if value is None else repr(float(value))
+
+
+def counted(n: int, one: str, many: str = "") -> str:
+    """The number and what there are so many of, as "1 frame" or "3 frames". many: "" for `one` with an s."""
+    return f"{n} {one if n == 1 else many or one + 's'}"
+
+
+def are(n: int) -> str:
+    """The verb of so many: "is" or "are"."""
+    return "is" if n == 1 else "are"
 
 
 def one_line(text: object) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stab_ros.core.errors import InputError
+from stab_ros.core.text import counted
 from stab_ros.core.types import FloatArray
 
 _FEWEST = 3  # points that make a section
@@ -23,6 +24,8 @@ class CrossSection:
         bed_m: (N,), elevation of the bed in the heights of the water level.
         along: (2,), unit vector of the line in the map.
         offset_m: (N,), of the points from the line, m.
+        fixed_m: (2,), the place from which places are measured: the origin of the map, or where the line starts.
+        line_m: distance between the two places that tell the line; None: the points themselves tell it.
 
     Raises:
         InputError: fewer than three points, or values that are not finite.
@@ -33,14 +36,17 @@ class CrossSection:
     bed_m: FloatArray
     along: FloatArray
     offset_m: FloatArray
+    fixed_m: FloatArray
+    line_m: float | None = None
 
     def __post_init__(self) -> None:
         n = len(self.chainage_m)
-        shapes = self.position_m.shape, self.bed_m.shape, self.along.shape, self.offset_m.shape
-        if shapes != ((n, 2), (n,), (2,), (n,)):
+        arrays = self.position_m, self.bed_m, self.along, self.offset_m, self.fixed_m
+        shapes = tuple(values.shape for values in arrays)
+        if shapes != ((n, 2), (n,), (2,), (n,), (2,)):
             raise ValueError(f"{n} points with arrays of {shapes}")
         if n < _FEWEST:
-            raise InputError(f"a section of {n} points, it must have at least {_FEWEST}")
+            raise InputError(f"a section of {counted(n, 'point')}, it must have at least {_FEWEST}")
         if not all(np.isfinite(values).all() for values in (self.position_m, self.chainage_m, self.bed_m)):
             raise InputError("a section with places or heights that are not finite, all must be numbers")
 
@@ -59,6 +65,11 @@ class CrossSection:
         return replace(self, position_m=np.column_stack([east, north]), chainage_m=np.asarray(chainage_m, float),
                        bed_m=bed, offset_m=offset)
 
+    def with_places_times(self, factor: float) -> CrossSection:
+        """The section with its places, but not its heights, in another unit."""
+        return replace(self, position_m=self.fixed_m + factor * (self.position_m - self.fixed_m),
+                       chainage_m=factor * self.chainage_m, offset_m=factor * self.offset_m)
+
 
 def referenced(position_m: FloatArray, bed_m: FloatArray) -> CrossSection:
     """The section of points surveyed in the map.
@@ -75,7 +86,7 @@ def referenced(position_m: FloatArray, bed_m: FloatArray) -> CrossSection:
     """
     position_m, bed_m = np.asarray(position_m, float), np.asarray(bed_m, float)
     if len(position_m) < _FEWEST:
-        raise InputError(f"a section of {len(position_m)} points, it must have at least {_FEWEST}")
+        raise InputError(f"a section of {counted(len(position_m), 'point')}, it must have at least {_FEWEST}")
     centre = position_m.mean(axis=0)
     _, _, directions = np.linalg.svd(np.nan_to_num(position_m - centre), full_matrices=False)
     along = directions[0] * (1.0 if directions[0] @ (position_m[-1] - position_m[0]) >= 0 else -1.0)
@@ -84,7 +95,7 @@ def referenced(position_m: FloatArray, bed_m: FloatArray) -> CrossSection:
     chainage = places[order] - places[order[0]]
     _check_length(chainage)
     offset = ((position_m - centre) @ np.array([along[1], -along[0]]))[order]
-    return CrossSection(position_m[order], chainage, bed_m[order], along, offset)
+    return CrossSection(position_m[order], chainage, bed_m[order], along, offset, np.zeros(2))
 
 
 def between(start_m: FloatArray, end_m: FloatArray, chainage_m: FloatArray, bed_m: FloatArray,
@@ -93,7 +104,7 @@ def between(start_m: FloatArray, end_m: FloatArray, chainage_m: FloatArray, bed_
 
     Args:
         start_m: (2,), where the line starts: east and north.
-        end_m: (2,), where it ends; only its direction counts.
+        end_m: (2,), where it ends, or any place in it: its direction counts.
         chainage_m: (N,), distance of each point.
         bed_m: (N,), bed elevation.
         start_chainage_m: the chainage at `start_m`.
@@ -110,7 +121,8 @@ def between(start_m: FloatArray, end_m: FloatArray, chainage_m: FloatArray, bed_
     distance = np.asarray(chainage_m, float)[order]
     _check_length(distance)
     position = start_m + (distance - start_chainage_m)[:, None] * along
-    return CrossSection(position, distance, np.asarray(bed_m, float)[order], along, np.zeros(len(distance)))
+    return CrossSection(position, distance, np.asarray(bed_m, float)[order], along, np.zeros(len(distance)),
+                        start_m, length_m)
 
 
 def _check_length(chainage_m: FloatArray) -> None:

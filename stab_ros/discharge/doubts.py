@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from stab_ros.core.text import counted
 from stab_ros.core.types import FloatArray
 from stab_ros.discharge.cross_section import CrossSection
 from stab_ros.discharge.result import Shares, Verticals
@@ -70,7 +71,7 @@ def coverage_doubts(table: Verticals, shares: Shares) -> list[str]:
     """About what the vectors leave open."""
     found = [*_empty_halves(table), *_empty_channels(table)]
     if (number := int(table.measured.sum())) < _FEW:
-        found.append(f"only {number} verticals are measured, there should be {_FEW} or more")
+        found.append(f"only {counted(number, 'vertical is', 'verticals are')} measured, there should be {_FEW} or more")
     if shares.extrapolated > _MUCH:
         found.append(f"{shares.extrapolated:.0%} of the discharge is extrapolated beyond the measured verticals")
     if shares.interpolated > _MUCH:
@@ -82,7 +83,8 @@ def coverage_doubts(table: Verticals, shares: Shares) -> list[str]:
                      "is more accurate")
     back = table.measured & (table.surface_m_s < -2 * np.nan_to_num(table.sigma_m_s))
     if back.any():
-        found.append(f"the water flows upstream at {int(back.sum())} verticals, which count as negative")
+        where = counted(int(back.sum()), "vertical, which counts", "verticals, which count")
+        found.append(f"the water flows upstream at {where} as negative")
     return found
 
 
@@ -93,8 +95,8 @@ def _empty_halves(table: Verticals) -> list[str]:
     for half, side in ((table.chainage_m <= middle_m, "first"), (table.chainage_m > middle_m, "second")):
         verticals = int((half & table.wet).sum())
         if verticals and not (half & table.measured).any():
-            found.append(f"no vectors in the {side} half of the section (0 of {verticals} verticals): its velocities "
-                         "are extrapolated")
+            found.append(f"no vectors in the {side} half of the section (0 of {counted(verticals, 'vertical')}): its "
+                         "velocities are extrapolated")
     return found
 
 

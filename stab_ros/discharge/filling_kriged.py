@@ -8,6 +8,7 @@ measured velocities (restricted maximum likelihood; Bayesian model averaging, Ho
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,10 +92,11 @@ def kriging_sigma_m_s(measured: Measured, velocity_m_s: FloatArray) -> FloatArra
     return sigma
 
 
-def _profiles(measured: Measured) -> list[list[_Profile]]:
+@functools.lru_cache(maxsize=1)  # a discharge and its draws ask ten times for the same
+def _profiles(measured: Measured) -> tuple[list[_Profile], ...]:
     """Of each channel that is not wholly known, one for each power and noise."""
     unknown = measured.channel[~measured.known & (measured.channel != DRY)]
-    return [_of_channel(measured, int(channel)) for channel in np.unique(unknown)]
+    return tuple(_of_channel(measured, int(channel)) for channel in np.unique(unknown))
 
 
 def _of_channel(measured: Measured, channel: int) -> list[_Profile]:

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stab_ros.core.robust import MAD_TO_SIGMA
 from stab_ros.core.types import FloatArray
 
 _ROUNDS = 4  # of robust weights
 _ROBUST = 4.0  # standard deviations off the surface from which a vector no longer counts; 6 medians, as Cleveland's
 _LEAST_M_S = 1e-6  # noise: rounding
-MAD_TO_SIGMA = 1.4826  # standard deviation over median absolute deviation, of a normal distribution
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ from stab_ros.discharge.iso748 import Iso748, sigma_by_number
 from stab_ros.discharge.measured import Measured
 from stab_ros.discharge.monte_carlo import Noise, discharges, interval, sources
 from stab_ros.discharge.result import Discharge, Shares, Verticals
+from stab_ros.discharge.section_units import in_feet
 from stab_ros.discharge.settings import DischargeConfig
 from stab_ros.discharge.surface import SurfaceVelocities, surface_velocities
 from stab_ros.discharge.wetted import DRY, area_m2, channels, wet_lengths_m
@@ -40,10 +41,10 @@ def measure(vectors: Vectors, section: CrossSection, wse_m: float, config: Disch
     _check_unit(vectors)
     verticals = _verticals(section, wse_m, config)
     depth = wse_m - verticals.bed_m
-    _check_wet(verticals, depth, wse_m)
+    _check_wet(verticals, vectors, wse_m)
     search_m = config.search_m or _search_m(verticals, depth)
     surface = surface_velocities(verticals, depth > 0, vectors, search_m, config.min_vectors)
-    _check_known(surface, search_m, config)
+    _check_known(surface, search_m, config, in_feet(section, vectors, wse_m))
     measured = Measured(verticals.chainage_m, depth, channels(depth), surface.known)
     velocity = np.where(surface.known, surface.velocity_m_s, 0.0)
     filled = np.where(depth > 0, FILLINGS[config.filling](measured, depth[None], velocity[None])[0], 0.0)
@@ -70,10 +71,12 @@ def _verticals(section: CrossSection, wse_m: float, config: DischargeConfig) -> 
     return section.at(np.concatenate([section.chainage_m[: first + 1], inner, section.chainage_m[last:]]))
 
 
-def _check_wet(section: CrossSection, depth_m: FloatArray, wse_m: float) -> None:
-    if not (depth_m > 0).any():
-        raise InputError(f"the section is dry: its lowest point is {section.bed_m.min():.6g} m high, the water surface "
-                         f"{wse_m:.6g} m; both must have one height datum (or are its numbers depths?)")
+def _check_wet(section: CrossSection, vectors: Vectors, wse_m: float) -> None:
+    if section.bed_m.min() < wse_m:
+        return
+    why = in_feet(section, vectors, wse_m) or ("both must have one height datum (or are its numbers depths?)",)
+    raise InputError(f"the section is dry: its lowest point is {section.bed_m.min():.6g} m high, the water surface "
+                     f"{wse_m:.6g} m; {why[0]}")
 
 
 def _search_m(section: CrossSection, depth_m: FloatArray) -> float:
@@ -82,7 +85,7 @@ def _search_m(section: CrossSection, depth_m: FloatArray) -> float:
     return width_m / (2 * int((depth_m > 0).sum()))
 
 
-def _check_known(surface: SurfaceVelocities, search_m: float, config: DischargeConfig) -> None:
+def _check_known(surface: SurfaceVelocities, search_m: float, config: DischargeConfig, feet: tuple[str, ...]) -> None:
     if surface.known.any():
         return
     if surface.count.any():
@@ -90,9 +93,9 @@ def _check_known(surface: SurfaceVelocities, search_m: float, config: DischargeC
                          f"{surface.count.max()}; give a larger search distance, or a smaller min_vectors")
     if not np.isfinite(surface.nearest_m):
         raise InputError("there is no vector; a discharge must have measured velocities")
+    why = feet or ("the section must cross the measured water, in the coordinates of the map",)
     raise InputError(f"no vector lies within {search_m:.3g} m of the wet section, the nearest is "
-                     f"{surface.nearest_m:.4g} m away; the section must cross the measured water, in the coordinates "
-                     "of the map")
+                     f"{surface.nearest_m:.4g} m away; {why[0]}")
 
 
 def _total_sigma(surface: SurfaceVelocities) -> FloatArray:
@@ -119,7 +122,8 @@ def _with_uncertainty(table: Verticals, measured: Measured, surface: SurfaceVelo
         relative_sigma(rough, table.depth_m[wet], config.alpha * table.surface_m_s[wet], table.part_m3_s[wet],
                        _ISO.width, systematic),
         by_source, drawn, table, search_m, surface.downstream, len(used), int(used.start_ns.min()),
-        int(used.end_ns.max()), (*section_doubts(section, table, wse_m), *coverage_doubts(table, _shares(table))))
+        int(used.end_ns.max()), (*section_doubts(section, table, wse_m), *in_feet(section, vectors, wse_m),
+                                 *coverage_doubts(table, _shares(table))))
 
 
 def _filling_sigma_m_s(table: Verticals, measured: Measured, velocity_m_s: FloatArray, config: DischargeConfig

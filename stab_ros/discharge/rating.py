@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from stab_ros.core.errors import InputError
+from stab_ros.core.text import counted
 from stab_ros.core.types import FloatArray
 
 _LEAST_EXPONENT, _LARGEST_EXPONENT = 0.3, 8.0  # of b
@@ -98,8 +99,9 @@ def fit_rating(gaugings: Sequence[Gauging], h0_m: float | None = None) -> Rating
     free = 2 if h0_m is not None else 3
     needed = free if known else free + 1
     if len(np.unique(stage)) < needed:
-        raise InputError(f"{len(np.unique(stage))} different stages tell no rating curve, there must be at least "
-                         f"{needed}" + ("" if h0_m is not None else "; or give the stage of no flow"))
+        stages = counted(len(np.unique(stage)), "different stage tells", "different stages tell")
+        raise InputError(f"{stages} no rating curve, there must be at least {needed}"
+                         + ("" if h0_m is not None else "; or give the stage of no flow"))
     if h0_m is not None and stage.min() <= h0_m:
         raise InputError(f"a gauging at {stage.min():g} m, it must lie above the stage of no flow, {h0_m:g} m")
     values = _solved(stage, log_q, sigma, h0_m)

@@ -10,6 +10,7 @@ from stab_ros.discharge.cross_section import CrossSection
 from stab_ros.discharge.measure import measure
 from stab_ros.discharge.result import Discharge
 from stab_ros.discharge.settings import DischargeConfig, RunningConfig
+from stab_ros.georeferencing.level_doubts import stale_level
 from stab_ros.velocimetry.speeds import joined
 from stab_ros.velocimetry.vectors import Vectors
 
@@ -121,10 +122,7 @@ class RunningDischarge:
             return ("no water level has come, and none is given (wse_m)",)
         if self._level is None:
             return ()
-        age_s = (stamp_ns - self._level[0]) / _NS
-        if age_s <= self._running.level_max_age_s:
-            return ()
-        return (f"the water level is {age_s:.0f} s old, it must not be older than {self._running.level_max_age_s:g} s",)
+        return stale_level((stamp_ns - self._level[0]) / _NS, self._running.water_level_timeout_s)
 
 
 def _alike(one: Vectors, other: Vectors) -> bool:

@@ -8,6 +8,7 @@ from stab_ros.core.errors import ConfigError
 from stab_ros.core.settings import Checked, setting
 from stab_ros.discharge.filling import FILLINGS
 from stab_ros.discharge.integration import INTEGRATIONS
+from stab_ros.georeferencing.level_doubts import LEVEL_TIMEOUT_S
 
 
 @dataclass(frozen=True)
@@ -54,8 +55,9 @@ class RunningConfig(Checked):
 
     window_s: float = setting(30.0, "Time in seconds over which vectors are gathered for a discharge", 0.1, 86400.0)
     every_s: float = setting(10.0, "Time in seconds from one discharge to the next, by the stamps", 0.1, 86400.0)
-    level_max_age_s: float = setting(
-        60.0, "Age in seconds from which a water level is reported as stale", 0.0, 864000.0)
+    water_level_timeout_s: float = setting(
+        LEVEL_TIMEOUT_S, "Age in seconds of the last water_level above which it is reported as stale: depths and scale "
+        "may be wrong", 1.0, 1e6)
 
     def __post_init__(self) -> None:
         super().__post_init__()

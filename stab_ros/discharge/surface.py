@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from stab_ros.core.robust import robust_sigma
 from stab_ros.core.types import BoolArray, FloatArray, IdArray
 from stab_ros.discharge.cross_section import CrossSection
-from stab_ros.discharge.local_change import MAD_TO_SIGMA, Change, local_change
+from stab_ros.discharge.local_change import Change, local_change
 from stab_ros.discharge.wetted import DRY, channel_width_m, channels
 from stab_ros.velocimetry.vectors import Vectors
 
@@ -65,9 +66,9 @@ def surface_velocities(section: CrossSection, wet: BoolArray, vectors: Vectors, 
         min_vectors: fewer of them make no median.
     """
     near, nearest_m = _near(section, wet, vectors, search_m)
-    downstream = _downstream(section.normal, vectors, near)
-    across, own = vectors.velocity_m_s @ downstream, np.einsum("i,nij,j->n", downstream, vectors.covariance, downstream)
     groups = [found if len(found) >= min_vectors else found[:0] for found in near]
+    downstream = _downstream(section, vectors, groups)
+    across, own = vectors.velocity_m_s @ downstream, np.einsum("i,nij,j->n", downstream, vectors.covariance, downstream)
     tracks = np.array([len(np.unique(vectors.track_id[found])) for found in groups])
     offsets = [_offset_m(section, i, vectors, found) for i, found in enumerate(groups)]
     changes = _changes(section, wet, vectors, across, groups, _REACH * search_m)
@@ -129,17 +130,20 @@ def _widths_m(section: CrossSection, wet: BoolArray) -> FloatArray:
     return width
 
 
-def _downstream(normal: FloatArray, vectors: Vectors, near: list[IdArray]) -> FloatArray:
-    """The normal on the side to which the water flows."""
-    used = np.unique(np.concatenate(near))
-    sign = -1.0 if len(used) and (vectors.velocity_m_s[used] @ normal).sum() < 0 else 1.0
-    return np.asarray(sign * normal)
+def _downstream(section: CrossSection, vectors: Vectors, groups: list[IdArray]) -> FloatArray:
+    """The normal on the side to which more water flows: the sum over verticals of median times width.
+
+    So neither a few wild vectors decide it, as they would by the mean of all, nor the many vectors of a slow eddy, as
+    they would by the side to which most point.
+    """
+    median = _medians(vectors.velocity_m_s @ section.normal, groups)
+    flows_back = np.nansum(median * np.gradient(section.chainage_m)) < 0
+    return np.asarray(-section.normal if flows_back else section.normal)
 
 
 def _scatter(told: Sequence[FloatArray], tracks: IdArray) -> FloatArray:
     """(N,), standard deviation of single tracks around the median of their vertical."""
-    seen = np.array([MAD_TO_SIGMA * float(np.median(np.abs(one - np.median(one)))) if len(one) else np.nan
-                     for one in told])
+    seen = np.array([float(robust_sigma(one)) if len(one) else np.nan for one in told])
     many = seen[tracks > 2]
     pooled = float(np.median(many)) if len(many) else np.nan
     joint = seen if np.isnan(pooled) else np.sqrt((tracks * seen**2 + _POOLED_AS * pooled**2) / (tracks + _POOLED_AS))

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 
+from stab_ros.core.robust import MAD_TO_SIGMA
 from stab_ros.core.types import BoolArray, Fit, FloatArray, Homography
 from stab_ros.estimation import gauss_newton as gn
 from stab_ros.estimation.covariance import Sandwich, covariance_of, fit_least_squares
@@ -90,7 +91,7 @@ def _consensus_fit(problem: EstimationProblem, threshold_px: float) -> Fit | Non
 def _lmeds_inliers(problem: EstimationProblem, H: Homography) -> BoolArray:
     """(N,) bool: residuals within 2.5 robust standard deviations."""
     spare = max(1, len(problem.pairs) - minimal_points(problem.basis.model))
-    deviation_px = 1.4826 * (1 + 5 / spare) * math.sqrt(_median_squared_residual_px2(problem, H))
+    deviation_px = MAD_TO_SIGMA * (1 + 5 / spare) * math.sqrt(_median_squared_residual_px2(problem, H))
     return np.asarray(problem.squared_ratios(H, _LMEDS_SIGMAS * deviation_px) < 1)
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from stab_ros.core.kernels import BOOL, F64, I64, kernel, read
+from stab_ros.core.robust import MAD_TO_SIGMA
 from stab_ros.core.types import BoolArray, FloatArray, Homography, IdArray
 
 _RIGID = 3  # parameters of the rigid model
@@ -132,7 +133,7 @@ def variances_along_best_axis(H: Homography, reference: FloatArray, current: Flo
         residual_along[k] = abs(ex * np.cos(angle) + ey * np.sin(angle))
         predicted[k] = 1 / ((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))
     certain = predicted <= np.median(predicted)
-    return (1.4826 * np.median(residual_along[certain])) ** 2, np.median(predicted[certain])
+    return (MAD_TO_SIGMA * np.median(residual_along[certain])) ** 2, np.median(predicted[certain])
 
 
 @kernel((_TABLE, *_FEATURES, _ROW, *_BASIS, I64, read(I64, 1), I64))

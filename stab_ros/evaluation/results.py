@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from stab_ros.core.text import are, counted
 from stab_ros.core.types import BoolArray, Frame
 from stab_ros.evaluation.frame_metrics import FrameMetrics, Outcome
 from stab_ros.evaluation.settings import EvaluatorConfig
@@ -68,9 +69,9 @@ class TopicEvaluation:
         count, of = int(self.camera_fixed.sum()), len(self.points)
         if not count:
             return ()
-        seen = f"{count} of {of} verification points move with the camera, as dirt on the lens or an overlay does"
-        left = "they count all the same, as you named them" if self.named else "they are left out"
-        return (f"{seen}: {left}",)
+        points = f"{count} of {counted(of, 'verification point')}"
+        left = "counted all the same, as you named them" if self.named else "left out"
+        return (f"{points} {are(count)} moving with the camera, as dirt on the lens or an overlay does: {left}",)
 
     @property
     def field(self) -> Field | None:

@@ -13,8 +13,10 @@ from typing import cast
 
 import numpy as np
 
+from stab_ros.core.covariance import factor
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import normalized
+from stab_ros.core.text import counted
 from stab_ros.core.types import BoolArray, FloatArray, Homography
 from stab_ros.georeferencing.adjustment import Solution
 from stab_ros.georeferencing.camera_problem import CameraProblem, KnownPosition, Unknowns
@@ -22,7 +24,6 @@ from stab_ros.georeferencing.camera_start import nominal_camera, starts
 from stab_ros.georeferencing.control_points import ControlPoints
 from stab_ros.georeferencing.levels import on_own_level
 from stab_ros.georeferencing.observability import doubts, refusals, rivals, why_untold
-from stab_ros.georeferencing.place_error import factor
 from stab_ros.georeferencing.point_noise import PointNoise
 from stab_ros.georeferencing.robust_fit import cleaned, fitted_to_best
 from stab_ros.georeferencing.view_derivatives import by_focals, by_pose
@@ -217,7 +218,7 @@ def _check_count(count: int, unknowns: Unknowns) -> None:
     else:
         least, what = 3, "the pose of a known camera"
     if count < least:
-        raise InputError(f"{count} control points, there must be at least {least} for {what}")
+        raise InputError(f"{counted(count, 'control point')}, there must be at least {least} for {what}")
 
 
 def _rms(errors: FloatArray) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 
 from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.geometry import normalized
+from stab_ros.core.text import are, counted
 from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography
 from stab_ros.georeferencing.camera_fit import CameraFit, fit_pose
 from stab_ros.georeferencing.control_points import ControlPoints
@@ -66,8 +67,8 @@ class DynamicGcps:
             self._follower = PointFollower(sighting.gray, self._fit.points.image_px, self._config.gcp_patch_px)
             usable = int(np.sum(self._follower.usable & self._trusted))
             if usable < _LEAST_POINTS:
-                raise InputError(f"{usable} of {len(self._trusted)} control points have structure around them to be "
-                                 f"followed by, it must be {_LEAST_POINTS}; mark others")
+                raise InputError(f"{usable} of {counted(len(self._trusted), 'control point')} {are(usable)} amid "
+                                 f"structure to be followed by, it must be {_LEAST_POINTS}; mark others")
             return by_fit(self._found, sighting.wse_m, sighting.wse_sigma_m)
         expected = self._follower.moved(sighting.gray, self._view.project(self._fit.points.map_m))
         followed = self._fitted(self._follower, sighting.gray, expected, self._view)
@@ -86,7 +87,9 @@ class DynamicGcps:
         found = follower.find(gray, expected_px, _moved(self._fit.view, near, self._ground_m))
         seen = found.found & self._trusted
         if seen.sum() < _LEAST_POINTS:
-            return Unplaced(f"{seen.sum()} of {len(points)} control points are seen, it must be {_LEAST_POINTS}")
+            count = int(seen.sum())
+            return Unplaced(f"{count} of {counted(len(points), 'control point')} {are(count)} seen, it must be "
+                            f"{_LEAST_POINTS}")
         there = ControlPoints(points.names, np.where(seen[:, None], found.pixels, 0), points.map_m).where(seen)
         try:
             fit = fit_pose(there, self._found.camera, noise=self._noise, near=near)

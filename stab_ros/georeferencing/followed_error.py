@@ -12,9 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from stab_ros.core.covariance import factor
 from stab_ros.core.types import BoolArray, FloatArray
 from stab_ros.georeferencing.camera_fit import CameraFit
-from stab_ros.georeferencing.place_error import PlaceError, factor
+from stab_ros.georeferencing.place_error import PlaceError
 
 
 def followed_error(first: CameraFit, fit: CameraFit, seen: BoolArray, tracking_px2: FloatArray,

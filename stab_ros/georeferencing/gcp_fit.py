@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stab_ros.core.covariance import factor
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import normalized
 from stab_ros.core.types import FloatArray, Homography
 from stab_ros.georeferencing.camera_fit import CameraFit, fit_camera, fit_pose
 from stab_ros.georeferencing.control_points import ControlPoints
 from stab_ros.georeferencing.gcp_places import check_inside
-from stab_ros.georeferencing.place_error import factor
 from stab_ros.georeferencing.plane_fit import LEAST_POINTS, PlaneFit, fit_plane
 from stab_ros.georeferencing.point_noise import PointNoise
 from stab_ros.georeferencing.settings import GeoreferenceConfig

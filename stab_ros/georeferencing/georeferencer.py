@@ -14,6 +14,7 @@ import numpy as np
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import apply, grid, inside, normalized
 from stab_ros.core.gray import GreyRange, grey_range, to_gray
+from stab_ros.core.text import counted
 from stab_ros.core.types import FloatArray, Frame, Homography, Image
 from stab_ros.georeferencing.control_points import ControlPoints
 from stab_ros.georeferencing.horizon import gsd_m, in_front, sampled_pixels, shown_well
@@ -197,7 +198,7 @@ class Georeferencer:
             InputError: as `add_frame`, or frames wait.
         """
         if self._waiting:
-            raise InputError(f"{len(self._waiting)} frames wait for sensors, take their answers first")
+            raise InputError(f"{counted(len(self._waiting), 'frame')} left to wait for sensors, take the answers first")
         self.add_frame(frame, motion)
         return self.finish()[0]
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stab_ros.core.covariance import factor
 from stab_ros.core.types import FloatArray
 
 
@@ -50,16 +51,3 @@ class PlaceError:
 def all_shared(columns: FloatArray) -> PlaceError:
     """An error that is the same in all frames. columns: (8, K)."""
     return PlaceError(np.zeros((8, 8)), columns)
-
-
-def factor(covariance: FloatArray) -> FloatArray:
-    """F (n, n) with F F^T = covariance (n, n): scales times the symmetric root of the correlations.
-
-    It is unique and changes steadily with the covariance, so that its columns mean the same from frame to frame. What
-    is not positive semidefinite by rounding is taken for 0.
-    """
-    scale = np.sqrt(np.maximum(np.diag(covariance), 0))
-    unit = np.where(scale > 0, scale, 1)
-    values, vectors = np.linalg.eigh(covariance / np.outer(unit, unit))
-    root = (vectors * np.sqrt(np.maximum(values, 0))) @ vectors.T
-    return np.asarray(scale[:, None] * root)

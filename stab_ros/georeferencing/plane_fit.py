@@ -12,6 +12,7 @@ import numpy as np
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import apply, jacobian, normalized, point_jacobian
+from stab_ros.core.text import counted
 from stab_ros.core.types import BoolArray, FloatArray, Homography
 from stab_ros.georeferencing.adjustment import Solution
 from stab_ros.georeferencing.control_points import ControlPoints
@@ -154,7 +155,8 @@ def fit_plane(points: ControlPoints, wse_m: float | None = None, *, camera: Came
         InputError: the points do not tell the homography.
     """
     if len(points) < LEAST_POINTS:
-        raise InputError(f"{len(points)} control points, there must be at least {LEAST_POINTS} for a homography")
+        raise InputError(f"{counted(len(points), 'control point')}, there must be at least {LEAST_POINTS} for a "
+                         "homography")
     noise = PointNoise() if noise is None else noise
     level = float(points.map_m[:, 2].mean()) if wse_m is None else wse_m
     begun = _starts(_undistorted(points, camera))

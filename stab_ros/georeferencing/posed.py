@@ -6,11 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from stab_ros.core.covariance import factor
 from stab_ros.core.geometry import jacobian, normalized
 from stab_ros.core.types import FloatArray, Homography
 from stab_ros.georeferencing.horizon import gsd_m, in_front, sampled_pixels, shown_well
 from stab_ros.georeferencing.orientation import Answer, Unplaced
-from stab_ros.georeferencing.place_error import PlaceError, all_shared, factor
+from stab_ros.georeferencing.place_error import PlaceError, all_shared
 from stab_ros.georeferencing.placement import Placement
 from stab_ros.georeferencing.view_derivatives import by_level, by_pose
 from stab_ros.imaging.camera import Camera

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from stab_ros.core.text import counted
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.placement import Sighting
 from stab_ros.georeferencing.pose_track import PosePrior, PoseTrack
@@ -140,7 +141,7 @@ def check_samples(positions: Sequence[PositionSample], attitudes: Sequence[Attit
              if (speed := _speed(a, b)) > FASTEST]
     if jumps:
         a, b, speed = max(jumps, key=lambda jump: jump[2])
-        said.append(f"the fix jumps {len(jumps)} times, the worst by {_apart_m(a, b):.1f} m in "
+        said.append(f"the fix jumps {counted(len(jumps), 'time')}, the worst by {_apart_m(a, b):.1f} m in "
                     f"{(b.stamp_ns - a.stamp_ns) / 1e9:.2f} s")
     rates = [rate for a, b in itertools.pairwise(attitudes) if (rate := _rate(a, b)) is not None]
     if rates and np.median(rates) > _TURNING:

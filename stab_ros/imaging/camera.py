@@ -10,6 +10,7 @@ import numpy as np
 
 from stab_ros.core.downscale import Downscaling
 from stab_ros.core.errors import InputError
+from stab_ros.core.text import counted
 from stab_ros.core.types import BoolArray, FloatArray, Homography, Image
 from stab_ros.imaging.lens import Lens, make_lens
 from stab_ros.imaging.lens_maps import MOST_PX, QuickTables, RemapTables, lens_maps, quick_lens_maps
@@ -49,8 +50,8 @@ class Camera:
         fits = len(self.D) in (0, *COEFFICIENTS.get(self.model, ()))
         if not fits and (np.any(self.D) or self.model == "equidistant"):  # drivers send zeros of any number
             known = "; ".join(f"{model} of {', '.join(map(str, numbers))}" for model, numbers in COEFFICIENTS.items())
-            raise InputError(f"camera_info: {len(self.D)} coefficients do not fit distortion_model {self.model!r}, "
-                             f"it must be {known}")
+            raise InputError(f"camera_info: {counted(len(self.D), 'coefficient does', 'coefficients do')} not fit "
+                             f"distortion_model {self.model!r}, it must be {known}")
 
     @property
     def fisheye(self) -> bool:

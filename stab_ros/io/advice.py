@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from stab_ros.core.text import are, counted
 from stab_ros.core.types import Frame, LostReason, ResetReason
 from stab_ros.tracking.ground_choice import CompetingHypothesis
 from stab_ros.tracking.parallax import Relief
@@ -57,7 +58,8 @@ def often_lost(lost: Mapping[LostReason, int], frames: int) -> str:
     if total <= _MANY_LOST * frames:
         return ""
     reason = max(lost, key=lambda one: lost[one])
-    return f"{total} of {frames} frames are lost, most often {reason.value} ({lost[reason]}): {to_try(reason)}"
+    return (f"{total} of {counted(frames, 'frame')} {are(total)} lost, most often {reason.value} ({lost[reason]}): "
+            f"{to_try(reason)}")
 
 
 @dataclass(frozen=True)
@@ -88,8 +90,8 @@ def simpler_model(frames: int) -> str:
     """So many frames were registered by a simpler model than asked for; an empty string for none."""
     if not frames:
         return ""
-    return (f"{frames} frames show ground on one side only, so a similarity took the place of the model asked for; "
-            "sigma_px includes what it leaves out")
+    return (f"{counted(frames, 'frame shows', 'frames show')} ground on one side only, so a similarity took the "
+            "place of the model asked for; sigma_px includes what it leaves out")
 
 
 def why_anew(reason: ResetReason | None, kind: str) -> str:
@@ -102,7 +104,7 @@ def begun_anew(resets: Sequence[Reset]) -> str:
     if not resets:
         return ""
     named = [f"at frame {one.frame} ({why_anew(one.reason, one.kind)})" for one in resets[:_NAMED]]
-    more = f" and at {len(resets) - _NAMED} more frames" if len(resets) > _NAMED else ""
+    more = f" and at {counted(len(resets) - _NAMED, 'more frame')}" if len(resets) > _NAMED else ""
     return (f"homographies begin anew {', '.join(named)}{more}; those of different reset_counter belong to different "
             "references or ground")
 
@@ -133,7 +135,7 @@ def parallax(relief: Relief) -> str:
 
 def rolling_shutter(swing: Swing) -> str:
     """Rows are shifted against each other."""
-    return (f"rolling shutter: the rows of {swing.frames} frames swing by up to {swing.most_px:.2f} px; "
+    return (f"rolling shutter: the rows of {counted(swing.frames, 'frame')} swing by up to {swing.most_px:.2f} px; "
             "image_stabilized corrects it, homographies alone do not, sigma_px includes what they leave")
 
 

@@ -7,6 +7,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 from stab_ros.core.errors import InputError
+from stab_ros.core.text import counted
 from stab_ros.io.bag_types import BagReader, Message, Topic, definition_of, topic_of
 from stab_ros.io.bag_writer import BagWriter
 from stab_ros.io.image_names import image_files
@@ -67,4 +68,5 @@ def _folder_reader(folder: Path) -> Ros2McapReader | SplitReader:
 def _images_beside(folder: Path) -> list[str]:
     """That a folder with a bag also holds images, which somebody may have meant."""
     images = image_files(folder)
-    return [f"{folder}: is taken as a bag, the {len(images)} images in it are left out"] if images else []
+    left_out = counted(len(images), "image in it is", "images in it are")
+    return [f"{folder}: is taken as a bag, {left_out} left out"] if images else []

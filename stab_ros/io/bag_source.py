@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from stab_ros.core.errors import InputError
+from stab_ros.core.text import are, counted
 from stab_ros.core.types import Frame
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.bag import BagReader, Extra, Message, Topic
@@ -134,8 +135,10 @@ class BagSource:
 
     def _told(self, fault: str, late: int) -> list[str]:
         told = [f"{self.name}: {self.image_topic}: {fault}; {_BY_LOG}"] if fault else []
-        return [*told, f"{self.name}: {late} images of {self.image_topic} were logged out of order, they are taken in "
-                "the order of their header stamps"] if late else told
+        if not late:
+            return told
+        return [*told, f"{self.name}: {counted(late, 'image')} of {self.image_topic} {are(late)} logged out of order, "
+                "all are taken in the order of their header stamps"]
 
 
 def _choose_topic(name: str, topics: Mapping[str, Topic], wanted: str | None) -> str:

@@ -17,6 +17,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.stores import ros2_jazzy as ros
 
 from stab_ros.core.errors import MessageError
+from stab_ros.core.text import counted
 from stab_ros.core.types import Frame
 from stab_ros.io.xcdr2 import as_cdr, is_little_endian
 
@@ -81,7 +82,7 @@ def read_stamp(cdr: bytes | memoryview) -> int:
         MessageError: too short for a header, or not a stamp.
     """
     if len(cdr) < _STAMP_END:
-        raise MessageError(f"a message of {len(cdr)} bytes does not begin with a header in CDR")
+        raise MessageError(f"a message of {counted(len(cdr), 'byte')} does not begin with a header in CDR")
     sec, nanosec = struct.unpack_from("<iI" if is_little_endian(cdr) else ">iI", cdr, _ENCAPSULATION_BYTES)
     return to_ns(ros.builtin_interfaces__msg__Time(sec=sec, nanosec=nanosec))
 

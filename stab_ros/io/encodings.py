@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rosbags.image.image import convert_color, to_cvtype
 
 from stab_ros.core.errors import MessageError
+from stab_ros.core.text import counted
 from stab_ros.core.types import Image
 
 MAX_PIXELS = 2**28  # 16384 x 16384: a larger claim is an attack or a bug, not a camera
@@ -104,7 +105,8 @@ def _check_sizes(message: ImageMessage, item: int, channels: int) -> None:
     if step % item:
         raise MessageError(f"image step {step} must be a multiple of {item}, the bytes of a {message.encoding} value")
     if n != step * h:
-        raise MessageError(f"image data holds {n} bytes, it must hold {step * h}: height {h} with step {step}")
+        raise MessageError(f"image data holds {counted(n, 'byte')}, it must hold {step * h}: height {h} with step "
+                           f"{step}")
     if message.encoding in _YUV and w % 2:
         raise MessageError(f"image width {w} is odd, with encoding {message.encoding} it must be even")
 

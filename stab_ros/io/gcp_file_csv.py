@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from stab_ros.core.errors import InputError
-from stab_ros.core.text import one_line
+from stab_ros.core.text import counted, one_line
 from stab_ros.io.gcp_file_table import FORM, MOST_POINTS, GcpTable, meaning
 from stab_ros.io.typed_table import COMMA_ADVICE, Row, cells_of, finite_at, number_in, separator_of
 
@@ -62,7 +62,7 @@ def _columns(path: Path, rows: list[Row], separator: str) -> tuple[tuple[str, ..
     first = rows[0][1]
     if sum(number_in(cell, separator) is not None for cell in first) >= len(_BARE) - 1:
         if len(first) not in (5, 6):
-            raise InputError(f"{path}: {len(first)} columns without a header, the first line must be {FORM}"
+            raise InputError(f"{path}: {counted(len(first), 'column')} without a header, the first line must be {FORM}"
                              f"{_comma_advice(first, separator)}")
         return ("name", *_BARE)[6 - len(first):], rows
     columns = tuple(meaning(cell) for cell in first)
@@ -97,7 +97,7 @@ def _table(path: Path, columns: Sequence[str], rows: list[Row], separator: str) 
 
 def _cell(path: Path, line: int, row: list[str], at: int, separator: str, columns: int) -> float:
     if len(row) > columns:
-        raise InputError(f"{path}: line {line} has {len(row)} cells for {columns} columns"
+        raise InputError(f"{path}: line {line} has {counted(len(row), 'cell')} for {counted(columns, 'column')}"
                          f"{_comma_advice(row, separator)}")
     return finite_at(path, line, row, at, separator, FORM)
 

@@ -8,6 +8,8 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+from stab_ros.core.text import are, counted
+
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm", ".pnm", ".jp2")
 UNREAD_SUFFIXES = (".gif", ".heic", ".heif", ".avif", ".jxl", ".exr", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf",
                    ".orf", ".rw2")  # of pictures that are not read
@@ -40,7 +42,7 @@ def _hidden(folder: Path) -> str:
     with os.scandir(folder) as entries:
         names = sorted(entry.name for entry in entries
                        if entry.name.startswith(".") and entry.name.lower().endswith(IMAGE_SUFFIXES))
-    return f"{len(names)} hidden files, as {names[0]}, are left out" if names else ""
+    return f"{counted(len(names), 'hidden file')}, as {names[0]}, {are(len(names))} left out" if names else ""
 
 
 def _with_suffix(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:

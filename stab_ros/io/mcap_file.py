@@ -8,6 +8,7 @@ from pathlib import Path
 from mcap.opcode import Opcode
 
 from stab_ros.core.errors import InputError
+from stab_ros.core.text import counted
 from stab_ros.io.mcap_contents import Block, McapContents, block_records
 from stab_ros.io.mcap_extras import Extra, read_extra
 from stab_ros.io.mcap_index import read_index
@@ -98,8 +99,8 @@ class McapFile:
             return
         early = offsets.before(block.start_ns)
         if early:  # only an index without a CRC can be so wrong
-            self._warn(f"the part at byte {block.offset} holds {early} messages from before the time that the index "
-                       "gives, they are left out")
+            self._warn(f"the part at byte {block.offset} holds {counted(early, 'message')} from before the time "
+                       "that the index gives, they are left out")
         starts = offsets.by_time()[early:]
         if block.length > _LARGE and len(data) + PLAIN_START >= block.length:  # it is not compressed
             base = block.offset + (0 if len(data) == block.length else PLAIN_START)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stab_ros.core.errors import InputError
-from stab_ros.core.text import one_line
+from stab_ros.core.text import counted, one_line
 from stab_ros.io.bag_types import Message, Topic, take_topic
 from stab_ros.io.compression import UNPACKING_ERRORS, plain_message
 from stab_ros.io.mcap_contents import QOS_KEY, TYPE_HASH_KEY, Block, McapContents
@@ -105,7 +105,8 @@ class McapReader:
         counts, channels = file.contents.counts, file.contents.channels
         nameless = sum(counts[channel_id] for channel_id in counts.keys() - channels.keys())
         if nameless:
-            self._extra_warnings.append(f"{file.path}: {nameless} messages of unknown topic are left out")
+            messages = counted(nameless, "message of unknown topic is", "messages of unknown topic are")
+            self._extra_warnings.append(f"{file.path}: {messages} left out")
         return names
 
 

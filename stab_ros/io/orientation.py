@@ -6,6 +6,7 @@ orientation may jump while the picture on the sensor does not.
 
 from __future__ import annotations
 
+from stab_ros.core.text import counted
 from stab_ros.io.image_metadata import TURNS, UPRIGHT
 
 
@@ -29,6 +30,6 @@ class Orientation:
         name, orientation = self._first or ("", UPRIGHT)
         how = TURNS.get(orientation, "left as stored")
         if self._others:
-            return (f"all images are {how}, as the EXIF orientation of {name} says; {len(self._others)} have another, "
-                    f"the first of them {self._others[0]}")
+            return (f"all images are {how}, as the EXIF orientation of {name} says; "
+                    f"{counted(len(self._others), 'has', 'have')} another, the first of them {self._others[0]}")
         return "" if orientation == UPRIGHT else f"the images are {how}, as their EXIF orientation says"

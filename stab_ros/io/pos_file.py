@@ -19,7 +19,7 @@ import numpy as np
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.progress import Progress
-from stab_ros.core.text import one_line
+from stab_ros.core.text import counted, one_line
 from stab_ros.core.types import FloatArray
 from stab_ros.io.date_time import GPS_EPOCH_NS, SECOND_NS, WEEK_NS, find_date, gps_minus_utc_s, utc_of_gps
 from stab_ros.io.fix_message import FIX, GBAS_FIX, SBAS_FIX
@@ -67,8 +67,8 @@ def read_pos(text: str, zone: tzinfo, progress: Progress) -> Recorded:
                 recorded.records.append(record)
         progress(number, len(lines))
     if broken:
-        recorded.warnings.append(f"{len(broken)} lines hold no position and are left out, the first is line "
-                                 f"{broken[0]}")
+        without = counted(len(broken), "line holds no position and is", "lines hold no position and are")
+        recorded.warnings.append(f"{without} left out, the first is line {broken[0]}")
     if recorded.records:
         recorded.notes.extend(_notes(layout, qualities, recorded.records[0]))
     if any("/geodetic" in line for line in lines if line.startswith("%")):

@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from stab_ros.core.errors import InputError
-from stab_ros.core.text import one_line
+from stab_ros.core.text import counted, one_line
 from stab_ros.core.types import FloatArray
 from stab_ros.io.text_file import read_text
 from stab_ros.io.typed_table import COMMA_ADVICE, Row, cells_of, finite_at, number_in, separator_of
@@ -94,7 +94,7 @@ def _columns(path: Path, rows: list[Row], separator: str) -> tuple[list[_Column]
     if all(number_in(cell, separator) is not None for cell in first):
         names = {2: ("chainage", "unknown"), 3: ("east", "north", "unknown")}.get(len(first))
         if names is None:
-            raise InputError(f"{path}: {len(first)} columns without a header, the first line must be {FORM}")
+            raise InputError(f"{path}: {counted(len(first), 'column')} without a header, the first line must be {FORM}")
         return [_Column(name, 1.0, name) for name in names], rows
     columns = [_column(path, cell) for cell in first]
     known = [column.meaning for column in columns if column.meaning]

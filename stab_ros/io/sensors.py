@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Protocol, TypeVar
 
 from stab_ros.core.errors import InputError, MessageError
-from stab_ros.core.text import one_line
+from stab_ros.core.text import are, counted, one_line
 from stab_ros.io.attitude_message import ATTITUDE_TYPES, Attitude, read_attitude
 from stab_ros.io.bag import BagReader, Message, Topic, open_bag
 from stab_ros.io.cdr import IMU, NAV_SAT_FIX, QUATERNION_STAMPED
@@ -140,13 +140,13 @@ class _Collected:
                 samples[sample.stamp_ns] = sample
         if left_out:
             lost, why = left_out.total(), one_line(left_out.most_common(1)[0][0])
-            self.warnings.append(f"{self._name}: {lost} of {lost + len(samples)} messages of {one_line(topic)} are "
-                                 f"left out, most because: {why}")
+            self.warnings.append(f"{self._name}: {lost} of {counted(lost + len(samples), 'message')} of "
+                                 f"{one_line(topic)} {are(lost)} left out, most because: {why}")
         return tuple(samples[stamp_ns] for stamp_ns in sorted(samples))
 
 
 def _doubts(path: Path, topic: str | None, samples: Iterable[Fix | Attitude]) -> list[str]:
     found = Counter(sample.doubt for sample in samples)
     total = found.total()
-    return [f"{path}: {count} of {total} messages of {one_line(topic)}: {doubt}"
+    return [f"{path}: {count} of {counted(total, 'message')} of {one_line(topic)}: {doubt}"
             for doubt, count in found.items() if doubt]

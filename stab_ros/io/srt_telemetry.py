@@ -18,6 +18,7 @@ from collections.abc import Mapping
 from datetime import tzinfo
 
 from stab_ros.core.progress import Progress
+from stab_ros.core.text import are, counted
 from stab_ros.core.types import FloatArray
 from stab_ros.imaging.heading import map_R_body
 from stab_ros.imaging.pose import quaternion_of
@@ -54,8 +55,8 @@ def read_srt(text: str, zone: tzinfo, progress: Progress) -> Recorded:
             incomplete += 1
         progress(number, len(blocks))
     if incomplete and recorded.records:
-        recorded.warnings.append(f"{incomplete} of {len(blocks)} blocks hold no time with a position or an attitude "
-                                 "and are left out")
+        recorded.warnings.append(f"{incomplete} of {counted(len(blocks), 'block')} {are(incomplete)} left "
+                                 "out, holding no time with a position or an attitude")
     return recorded
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from stab_ros.core.text import are, counted
 from stab_ros.io.tiff_pages import DamagedTiffError, TiffFile, TiffPage
 
 _TIFF = (".tif", ".tiff")
@@ -46,7 +47,8 @@ def stored_images(file: Path) -> tuple[list[StoredImage], str]:
     if len(pages) < 2 or not fitting:
         return [StoredImage(file)], damage
     other = len(frames) - len(fitting)
-    sizes = f"{file}: {other} of its {len(pages)} pages are of another size than the first, they are left out"
+    pages_left = f"{other} of its {counted(len(pages), 'page')} {are(other)}"
+    sizes = f"{file}: {pages_left} of another size than the first, and left out"
     return fitting, damage or (sizes if other else "")
 
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.progress import Progress
-from stab_ros.core.text import one_line
+from stab_ros.core.text import counted, one_line
 from stab_ros.core.types import FloatArray
 from stab_ros.io.date_time import DAY_NS, find_date, time_of_day_ns
 from stab_ros.io.srt_telemetry import attitude_of
@@ -109,7 +109,8 @@ def read_csv(text: str, zone: tzinfo, progress: Progress) -> Recorded:
     if table.of_day:
         recorded.notes.append("its times of day have no date, they count from the first row")
     if broken:
-        recorded.warnings.append(f"{len(broken)} lines hold no moment and are left out, the first is line {broken[0]}")
+        without = counted(len(broken), "line holds no moment and is", "lines hold no moment and are")
+        recorded.warnings.append(f"{without} left out, the first is line {broken[0]}")
     return recorded
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from stab_ros.core.text import are, counted
 from stab_ros.io.fix_message import fault_of_place
 from stab_ros.io.telemetry_record import Record, Recorded
 
@@ -34,13 +35,14 @@ def mended(recorded: Recorded, swap: bool) -> Recorded:
     faults = [fault_of_place(record.latitude_deg, record.longitude_deg) if record.placed else "" for record in records]
     found = [fault for fault in faults if fault]
     if found:
-        warnings.append(f"{len(found)} of {len(records)} positions are left out, the first: {found[0]}")
+        warnings.append(f"{len(found)} of {counted(len(records), 'position')} {are(len(found))} left out, the first: "
+                        f"{found[0]}")
         records = [replace(record, latitude_deg=math.nan, longitude_deg=math.nan) if fault else record
                    for record, fault in zip(records, faults, strict=True)]
     high = [height_m for record in records for height_m in _heights(record) if abs(height_m) > HIGHEST_M]
     if high:
-        warnings.append(f"{len(high)} heights are left out, the first: it is {high[0]:.4g} m, it must lie within "
-                        f"{HIGHEST_M:g} m")
+        warnings.append(f"{counted(len(high), 'height is', 'heights are')} left out, the first: it is {high[0]:.4g} m, "
+                        f"it must lie within {HIGHEST_M:g} m")
         records = [_without_heights(record) if any(abs(h) > HIGHEST_M for h in _heights(record)) else record
                    for record in records]
     return Recorded(recorded.of_video, recorded.zoneless, records, notes, [*warnings, *_coarse(records)])
@@ -83,5 +85,5 @@ def _coarse(records: Sequence[Record]) -> list[str]:
         if len(places) and np.abs(places - np.round(places, digits)).max() < _ROUNDING_DEG:
             step_m = _METRES_PER_DEGREE / 10**digits
             if step_m > _COARSE_M:
-                return [f"its positions have {digits} decimals, they are told in steps of {step_m:.3g} m"]
+                return [f"its positions have {counted(digits, 'decimal')}, they are told in steps of {step_m:.3g} m"]
     return []

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from av.error import FFmpegError
 
-from stab_ros.core.text import one_line
+from stab_ros.core.text import are, counted, one_line
 from stab_ros.core.types import Frame
 from stab_ros.io.frame_reader import FIRST_STAMP_NS, FRAME_ID, Decoded
 from stab_ros.io.video_clock import Pace, VideoClock, pace
@@ -130,12 +130,13 @@ class VideoFile:
     def _warn(self, packets: Packets, clock: VideoClock, fields: Deinterlacer) -> None:
         """After the last frame: what was not as it should be."""
         number = clock.frames
-        frames = f"of its {max(packets.shown, number)} frames"  # packets of interlaced video may be fields
+        frames = f"of its {counted(max(packets.shown, number), 'frame')}"  # packets of interlaced video may be fields
         said = {
             f"{number} {frames} can be decoded": number < packets.shown and not fields.filled,
-            f"{packets.damaged} {frames} are damaged in the file; pictures may be wrong up to the next key frame":
+            f"{packets.damaged} {frames} {are(packets.damaged)} damaged in the file; pictures may be wrong up to the "
+            "next key frame":
                 packets.damaged > 0,
-            f"it is cut off after {number} frames": packets.cut or self._ends_early(clock),
+            f"it is cut off after {counted(number, 'frame')}": packets.cut or self._ends_early(clock),
             f"holds no times; frame n is stamped 1 s + n/{float(self._timing.fps):g} s (--fps sets another rate)":
                 clock.missing == number,
             f"the times of {clock.missing + clock.wrong} {frames} are missing, repeat or go back; they follow their "

@@ -10,6 +10,7 @@ import numpy as np
 
 from stab_ros.core.errors import WorkError
 from stab_ros.core.gray import AS_IT_IS, GreyRange, grey_range, to_gray
+from stab_ros.core.text import counted
 from stab_ros.core.types import Frame, Image
 
 _TO_BGR = {
@@ -58,7 +59,8 @@ class VideoWriter:
         found = int(capture.get(cv2.CAP_PROP_FRAME_COUNT)) if capture.isOpened() else 0
         capture.release()
         if found != self._frames:
-            raise WorkError(f"{self._path}: {found} of {self._frames} frames were written; is the disk full?")
+            raise WorkError(f"{self._path}: only {found} of {counted(self._frames, 'frame')} in the file; "
+                            "is the disk full?")
 
     def __enter__(self) -> VideoWriter:
         return self

@@ -13,6 +13,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.kernels import Compiler, compile_kernels
 from stab_ros.core.progress import Progress
 from stab_ros.core.settings import Value, did_you_mean
+from stab_ros.core.text import counted
 from stab_ros.core.types import Frame, LostReason, State, Track
 from stab_ros.evaluation.comparison_results import Comparison, MethodResult, Passage
 from stab_ros.evaluation.evaluator import Arrival, Evaluator
@@ -195,7 +196,7 @@ def _judge_method(name: str, job: ComparisonJob, judge: _Judge, counter: _Method
                 ending = item
     counter.skip_to(job.methods.index(name) + 2)
     if isinstance(ending, Failed):
-        after = f" (after {len(judge)} frames)" if len(judge) else ""
+        after = f" (after {counted(len(judge), 'frame')})" if len(judge) else ""
         return MethodResult(name, failure=ending.why + after)
     return judge.result(name, ending.peak_mb)
 
@@ -211,8 +212,8 @@ def _sharing_reference(result: MethodResult, raw: MethodResult) -> MethodResult:
 def _unused(source: Source, raw: MethodResult) -> list[str]:
     if not raw.lost:
         return []
-    return [f"{source.name}: {raw.lost} of {len(raw.passages)} images of {source.image_topic} cannot be used and count "
-            "as lost; they must be readable and of one size"]
+    return [f"{source.name}: {raw.lost} of {counted(len(raw.passages), 'image')} of {source.image_topic} cannot be "
+            "used, which counts as lost; images must be readable and of one size"]
 
 
 def _without_points(source: Source, raw: MethodResult) -> list[str]:
@@ -224,7 +225,8 @@ def _without_points(source: Source, raw: MethodResult) -> list[str]:
 
 def _beyond(job: ComparisonJob, truth: Truth, frames: int) -> list[str]:
     rows = truth.beyond(frames) if job.limit is None else 0
-    return [f"{job.truth}: {rows} of its rows belong to no frame of {job.source.name}"] if rows else []
+    belong = counted(rows, "of its rows belongs", "of its rows belong")
+    return [f"{job.truth}: {belong} to no frame of {job.source.name}"] if rows else []
 
 
 def _other_references(results: Sequence[MethodResult]) -> list[str]:

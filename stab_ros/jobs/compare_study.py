@@ -19,6 +19,7 @@ from stab_ros.core.gray import GreyRange, grey_range, to_gray
 from stab_ros.core.kernels import Compiler, compile_kernels
 from stab_ros.core.progress import Progress
 from stab_ros.core.settings import Value
+from stab_ros.core.text import counted
 from stab_ros.core.types import BoolArray, Correspondences, Fit, Frame, Gray
 from stab_ros.estimation import estimators
 from stab_ros.evaluation.summary import Json
@@ -205,8 +206,8 @@ def study_text(study: Study) -> str:
         "", "max px", "min px", "median px", "pairs"]
     rows = [_models_row(row) if of_models else _estimators_row(row) for row in study.rows]
     what = "medians" if of_models else "RMSE of the retained points"
-    return "\n".join([*aligned([head, *rows]), f"{what} over {study.pairs} pairs of adjacent frames, "
-                      f"{study.method}, {study.matches or 0} matches (median)"])
+    return "\n".join([*aligned([head, *rows]), f"{what} over {counted(study.pairs, 'pair')} of adjacent frames, "
+                      f"{study.method}, {counted(study.matches or 0, 'match', 'matches')} (median)"])
 
 
 def _models_row(row: StudyRow) -> list[str]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import normalized, rms_distance
+from stab_ros.core.text import counted
 from stab_ros.core.types import Homography
 from stab_ros.io.homographies import read_homographies
 
@@ -35,7 +36,7 @@ class Truth:
         missing = next((frame for frame in range(frames) if frame not in self._true), None)
         if missing is not None:
             raise InputError(f"{self._path}: does not fit {source}, it has no row for frame {missing}; it must have "
-                             f"one for each of the {frames} frames (status LOST where the truth is not known)")
+                             f"one for each of {counted(frames, 'frame')} (status LOST where the truth is not known)")
 
     def beyond(self, frames: int) -> int:
         """Number of rows outside of frames 0 to `frames` - 1."""

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.progress import Progress
+from stab_ros.core.text import are, counted
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import BagWriter, Topic, open_bag
 from stab_ros.io.cdr import header_of
@@ -91,4 +92,5 @@ def _record(writer: BagWriter, topic: Topic, picture: Picture, frame: Frame) -> 
 
 
 def _left_out(source: Path, problems: list[str], total: int) -> list[str]:
-    return [f"{source}: {len(problems)} of {total} images are left out; the first: {problems[0]}"] if problems else []
+    images = f"{len(problems)} of {counted(total, 'image')}"
+    return [f"{source}: {images} {are(len(problems))} left out; the first: {problems[0]}"] if problems else []

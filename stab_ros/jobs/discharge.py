@@ -12,7 +12,8 @@ from stab_ros.discharge.doubts import surface_doubts
 from stab_ros.discharge.measure import measure
 from stab_ros.discharge.rating import Gauging, Rating, fit_rating
 from stab_ros.discharge.result import Discharge
-from stab_ros.discharge.settings import DischargeConfig, RunningConfig
+from stab_ros.discharge.settings import DischargeConfig
+from stab_ros.georeferencing.level_doubts import late_level, stale_level
 from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.io.gauging_file import read_gaugings
 from stab_ros.io.section_file import Heights, read_section
@@ -37,7 +38,6 @@ class DischargeJob:
         crs: reference system of the section's places, "EPSG:nnnn"; None: the map.
         origin: of the map; None: as the recording says.
         topic: of the velocities; None: the only one.
-        level_max_age_s: age from which a water level is stale.
     """
 
     velocity: Path
@@ -49,7 +49,6 @@ class DischargeJob:
     crs: str | None = None
     origin: LocalFrame | None = None
     topic: str | None = None
-    level_max_age_s: float = RunningConfig().level_max_age_s
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,15 +128,9 @@ def _recorded(job: DischargeJob, measured: MeasuredVelocities) -> _Level:
     end_ns = int(measured.vectors.end_ns.max())
     before = [level for level in measured.levels if level[0] <= end_ns]
     stamp_ns, wse_m = before[-1] if before else measured.levels[0]
-    age_s = (int(measured.vectors.start_ns.min()) - stamp_ns) / _NS
-    stale = (f"{job.velocity}: the water level is {abs(age_s):.0f} s {'older' if age_s > 0 else 'younger'} than the "
-             f"velocities, it must not be {job.level_max_age_s:g} s away",)
-    return _Level(wse_m, "recorded", (*(stale if abs(age_s) > job.level_max_age_s and not _during(measured, stamp_ns)
-                                        else ()), *_contradiction(job, measured, wse_m)))
-
-
-def _during(measured: MeasuredVelocities, stamp_ns: int) -> bool:
-    return bool(measured.vectors.start_ns.min() <= stamp_ns <= measured.vectors.end_ns.max())
+    doubts = stale_level((end_ns - stamp_ns) / _NS) if before else late_level((stamp_ns - end_ns) / _NS)
+    return _Level(wse_m, "recorded", (*(f"{job.velocity}: {doubt}" for doubt in doubts),
+                                      *_contradiction(job, measured, wse_m)))
 
 
 def _contradiction(job: DischargeJob, measured: MeasuredVelocities, wse_m: float) -> tuple[str, ...]:

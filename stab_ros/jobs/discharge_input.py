@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from stab_ros.core.errors import InputError, MessageError
+from stab_ros.core.text import counted
 from stab_ros.core.types import FloatArray
 from stab_ros.discharge.cross_section import CrossSection, between, referenced
 from stab_ros.discharge.doubts import looks_like_elevations
@@ -118,7 +119,7 @@ def _gathered(path: Path, bag: BagReader, velocity: Topic, others: list[Topic]) 
             found.take(message, types[message.topic])
         except MessageError:
             damaged += 1
-    said = [f"{path}: {damaged} messages could not be read"] if damaged else []
+    said = [f"{path}: {counted(damaged, 'message')} could not be read"] if damaged else []
     if found.moved:
         raise InputError(f"{path}: the origin of its map changes, so its velocities are of several maps; measure the "
                          "parts one by one")

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from stab_ros.core.text import counted
 from stab_ros.discharge.rating import Rating
 from stab_ros.discharge.result import Discharge
 from stab_ros.jobs.discharge import MeasuredDischarge
@@ -38,8 +39,8 @@ def _headline(found: Discharge) -> str:
 def _shares(found: Discharge) -> str:
     shares, table = found.shares, found.verticals
     return (f"measured {shares.measured:.1%}, interpolated {shares.interpolated:.1%}, extrapolated "
-            f"{shares.extrapolated:.1%} of it; vectors at {int(table.measured.sum())} of {int(table.wet.sum())} "
-            f"verticals, {found.vectors} within {found.search_m:.3g} m")
+            f"{shares.extrapolated:.1%} of it; vectors at {int(table.measured.sum())} of "
+            f"{counted(int(table.wet.sum()), 'vertical')}, {found.vectors} within {found.search_m:.3g} m")
 
 
 def _sources(found: Discharge) -> str:

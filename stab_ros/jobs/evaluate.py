@@ -10,6 +10,7 @@ from stab_ros.core.errors import MessageError
 from stab_ros.core.kernels import Compiler, compile_kernels
 from stab_ros.core.progress import Progress
 from stab_ros.core.settings import Value
+from stab_ros.core.text import counted
 from stab_ros.core.types import Frame
 from stab_ros.evaluation.evaluator import Arrival, Evaluator
 from stab_ros.evaluation.frame_metrics import FrameMetrics
@@ -94,10 +95,11 @@ class _Work:
     def warnings(self) -> list[str]:
         source, found = self._stream.source, []
         if self._unused:
-            found.append(f"{source.name}: {self._unused} of {self._pictures} images of {source.image_topic} cannot be "
-                         f"used; the first: {self._problem}")
+            found.append(f"{source.name}: {self._unused} of {counted(self._pictures, 'image')} of {source.image_topic} "
+                         f"cannot be used; the first: {self._problem}")
         if self._unread:
-            found.append(f"{source.name}: {self._unread} messages of {self._stream.homography} are no homographies")
+            found.append(f"{source.name}: {counted(self._unread, 'message')} of {self._stream.homography} cannot be "
+                         "read as homographies")
         if not self._evaluator.points:
             found.append(f"{source.name}: the first image of {source.image_topic} has no place for a verification "
                          "point, so there is no RMSD; it must show texture, away from its border")

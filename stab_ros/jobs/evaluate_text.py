@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from stab_ros.core.text import counted
 from stab_ros.evaluation.frame_metrics import COUNTS, TITLES, UNITS, Outcome
 from stab_ros.evaluation.results import Evaluation, TopicEvaluation
 from stab_ros.evaluation.summary import findings_of, unrest_px
@@ -72,7 +73,7 @@ def _frames_line(topic: TopicEvaluation) -> str:
     jitter_px, drift_px = unrest_px(topic)
     unrest = "" if jitter_px is None or drift_px is None else (
         f"; jitter (above 1 Hz) {jitter_px:.3f} px, drift (below) {drift_px:.3f} px")
-    return f"{topic.topic}: {len(topic.rows)} frames: {counts}{unrest}"
+    return f"{topic.topic}: {counted(len(topic.rows), 'frame')}: {counts}{unrest}"
 
 
 def _svf_table(topic: TopicEvaluation) -> Iterator[str]:

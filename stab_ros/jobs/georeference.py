@@ -12,6 +12,7 @@ from pathlib import Path
 
 from stab_ros.core.kernels import Compiler, compile_kernels
 from stab_ros.core.progress import Progress
+from stab_ros.core.text import counted
 from stab_ros.core.types import LostReason, State, Track
 from stab_ros.georeferencing.georeferencer import Georeferenced
 from stab_ros.georeferencing.local_frame import LOCAL
@@ -181,9 +182,10 @@ def _begun(job: Job, recording: Recording, size: tuple[int, int]) -> Work:
 def _said(source: Source, result: Georeferencing) -> list[str]:
     """What is doubtful, and of how many frames."""
     said = list(result.stream_doubts)
-    said += [f"{source.name}: {doubt} ({count} of {result.frames} frames)" for doubt, count in result.doubts.values()]
+    said += [f"{source.name}: {doubt} ({count} of {counted(result.frames, 'frame')})"
+             for doubt, count in result.doubts.values()]
     if result.undecoded:
-        total = result.undecoded.total()
-        said.append(f"{source.name}: {total} images of {source.image_topic} cannot be decoded and have no answer; "
-                    f"the first: {next(iter(result.undecoded))}")
+        images = counted(result.undecoded.total(), "image")
+        said.append(f"{source.name}: {images} of {source.image_topic} cannot be decoded, and no answer is given; the "
+                    f"first: {next(iter(result.undecoded))}")
     return said

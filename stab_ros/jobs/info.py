@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from stab_ros.core.errors import MessageError
-from stab_ros.core.text import one_line
+from stab_ros.core.text import counted, one_line
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import BagReader, Topic, open_bag
 from stab_ros.io.image_topic import holds_images, stamp_of, video_format
@@ -41,8 +41,8 @@ def describe(path: Path) -> tuple[list[str], list[str]]:
 def _describe_pictures(path: Path) -> tuple[list[str], list[str]]:
     with open_source(path) as source:
         first = next(source.frames())
-        count = "an unknown number of" if source.count is None else source.count
-        frames = f"{count} frames, {source.rate_hz():g} frames/s, {_picture(first.decoded)}"
+        count = "an unknown number of frames" if source.count is None else counted(source.count, "frame")
+        frames = f"{count}, {source.rate_hz():g} frames/s, {_picture(first.decoded)}"
         return [f"{path}: {kind_of(path).value}, {frames}"], source.warnings
 
 
@@ -50,9 +50,9 @@ def _describe_video(path: Path) -> tuple[list[str], list[str]]:
     with closing(VideoFile(path, None)) as video:
         _, first = next(video.frames())
         facts = video.facts
-        frames = f"{facts.pace.frames} frames, {video.fps:g} frames/s, {_picture(first)}"
+        frames = f"{counted(facts.pace.frames, 'frame')}, {video.fps:g} frames/s, {_picture(first)}"
         times = f"{facts.pace.duration_s:.3f} s from the first frame to the last; {_times(facts)}"
-        cut = [f"{path}: it is cut off after {facts.pace.frames} frames"] if facts.cut else []
+        cut = [f"{path}: it is cut off after {counted(facts.pace.frames, 'frame')}"] if facts.cut else []
         return [f"{path}: video, {frames}", f"  {facts.codec}, {facts.pixels}, {times}"], [*video.warnings, *cut]
 
 
@@ -69,7 +69,7 @@ def _span(reader: BagReader) -> str:
     count = sum(topic.count for topic in reader.topics.values())
     if not count:
         return "no messages"
-    return f"{count} messages, {(reader.end_ns - reader.start_ns) / 1e9:.3f} s, {_utc(reader.start_ns)}"
+    return f"{counted(count, 'message')}, {(reader.end_ns - reader.start_ns) / 1e9:.3f} s, {_utc(reader.start_ns)}"
 
 
 def _utc(time_ns: int) -> str:
@@ -114,7 +114,7 @@ def _first_image(reader: BagReader, topic: Topic) -> str:
 
 def _coding(video: str, lost: int) -> str:
     text = f", coded as {video}" if video else ""
-    return f"{text}, begins {lost} images before its first key frame" if lost else text
+    return f"{text}, begins {counted(lost, 'image')} before its first key frame" if lost else text
 
 
 def _extras(reader: BagReader) -> list[str]:

@@ -10,9 +10,10 @@ from pathlib import Path
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.settings import Value
+from stab_ros.core.text import counted
 from stab_ros.core.types import Homography
 from stab_ros.georeferencing.georeferencer import Georeferencer
-from stab_ros.georeferencing.level_doubts import LEVEL_TIMEOUT_S, missing_level, stale_level
+from stab_ros.georeferencing.level_doubts import missing_level, stale_level
 from stab_ros.georeferencing.settings import GeoreferenceConfig, needs_level, needs_motion, needs_sensors
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.cdr import CAMERA_INFO
@@ -124,7 +125,7 @@ class Recording:
                 f"the first water_level comes {(stamps_ns[0] - first_ns) / 1e9:.1f} s after the first frame")
             return [f"{self.name}: {missing_level(GeoreferenceConfig.wse_m, none)}"]
         age_s = (last_ns - max((stamp_ns for stamp_ns in stamps_ns if stamp_ns <= last_ns), default=last_ns)) / 1e9
-        return [f"{self.name}: {stale_level(age_s)}"] if age_s > LEVEL_TIMEOUT_S else []
+        return [f"{self.name}: {doubt}" for doubt in stale_level(age_s)]
 
     def nothing_placed(self, reasons: Counter[str], first_ns: int | None) -> InputError:
         """The error where not one frame is placed. first_ns: stamp of the first one."""
@@ -149,7 +150,7 @@ def prepared(job: Placed, source: Source, config: GeoreferenceConfig | None = No
     sensors = _sensors_of(job, config)
     stabilised = source.image_topic == topic_in(namespace, STABILIZED_TOPIC)
     damaged = 0 if recorded is None else recorded.damaged
-    lost = f"{source.name}: {damaged} messages of homographies cannot be read, their frames are lost"
+    lost = f"{source.name}: {counted(damaged, 'message')} of homographies cannot be read, their frames are lost"
     warnings = (*((lost,) if damaged else ()), *(() if sensors is None else sensors.warnings))
     needs = (needs_motion(config), needs_level(config))
     if stabilised:

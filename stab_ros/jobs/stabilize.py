@@ -13,6 +13,7 @@ from pathlib import Path
 from stab_ros.core.kernels import Compiler, compile_kernels
 from stab_ros.core.progress import Progress
 from stab_ros.core.settings import Value
+from stab_ros.core.text import counted
 from stab_ros.core.types import Frame, LostReason
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.window import Window
@@ -132,8 +133,8 @@ def _unused(source: Source, counts: Counts) -> list[str]:
     unused = counts.lost[LostReason.UNUSABLE]
     if not unused:
         return []
-    return [f"{source.name}: {unused} of {counts.frames} images of {source.image_topic} cannot be used "
-            f"and count as lost ({LostReason.UNUSABLE.value}); the first: {counts.problem}"]
+    return [f"{source.name}: {unused} of {counted(counts.frames, 'image')} of {source.image_topic} cannot be used, "
+            f"which counts as lost ({LostReason.UNUSABLE.value}); the first: {counts.problem}"]
 
 
 def _remarks(source: Source, stabilizer: Stabilizer, counts: Counts) -> list[str]:

@@ -12,6 +12,7 @@ from typing import TypeVar
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.progress import Progress
+from stab_ros.core.text import are, counted
 from stab_ros.core.types import FloatArray
 from stab_ros.io.attitude_message import Attitude, imu_cdr, quaternion_cdr
 from stab_ros.io.bag import BagWriter, topic_of
@@ -160,9 +161,11 @@ def _in_order(recorded: Recorded, timing: Timing, warnings: list[str]) -> list[t
         raise InputError("all its moments lie before the first frame of the video, --start or --offset-s is wrong")
     warnings += doubts
     if len(late) < len(by_stamp):
-        warnings.append(f"{len(by_stamp) - len(late)} moments before the first frame of the video are left out")
+        warnings.append(counted(len(by_stamp) - len(late), "moment before the first frame of the video is left out",
+                                "moments before the first frame of the video are left out"))
     if len(by_stamp) < len(stamps):
-        warnings.append(f"{len(stamps) - len(by_stamp)} moments have the time of an earlier one and are left out")
+        warnings.append(counted(len(stamps) - len(by_stamp), "moment has the time of an earlier one and is left out",
+                                "moments have the time of an earlier one and are left out"))
     if late != sorted(late):
         warnings.append("its moments are not in the order of time, they are put in it")
     return [(stamp_ns, by_stamp[stamp_ns]) for stamp_ns in sorted(late)]
@@ -185,7 +188,7 @@ def _heights(records: Sequence[Record], home_height_m: float | None, warnings: l
         heights = above
     missing = sum(map(math.isnan, heights))
     if missing:
-        warnings.append(f"{missing} of {len(heights)} positions have no height")
+        warnings.append(f"{missing} of {counted(len(heights), 'position')} {are(missing)} without a height")
     return heights
 
 
@@ -230,9 +233,9 @@ def _stream(name: str, msgtype: str, samples: Sequence[_S], values: Sequence[Has
             notes: list[str]) -> _Stream:
     """The messages of the samples that were measured and not repeated."""
     places = measured(values)
-    if len(places) < len(samples):
-        notes.append(f"{len(samples) - len(places)} of {len(samples)} values of {name} are repeated, not measured, and "
-                     "are left out")
+    if repeated := len(samples) - len(places):
+        notes.append(f"{repeated} of {counted(len(samples), 'value')} of {name} {are(repeated)} repeated, not "
+                     f"measured, and {are(repeated)} left out")
     return _Stream(name, msgtype, [(samples[place].stamp_ns, cdr(samples[place])) for place in places])
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from stab_ros.core.kernels import Compiler, compile_kernels
 from stab_ros.core.progress import Progress
 from stab_ros.core.settings import Value
+from stab_ros.core.text import counted
 from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.io.bag import BagWriter, Message
 from stab_ros.io.outputs import check_output, completed
@@ -254,13 +255,14 @@ def _of_level(recording: Recording, result: Velocities) -> list[str]:
 def _said(source: Source, work: VelocityWork, result: Velocities) -> list[str]:
     """What is doubtful, and of how many frames."""
     said = list(work.doubts)
-    said += [f"{source.name}: {doubt} ({count} of {result.frames} frames)" for doubt, count in result.doubts.values()]
+    said += [f"{source.name}: {doubt} ({count} of {counted(result.frames, 'frame')})"
+             for doubt, count in result.doubts.values()]
     if result.undecoded:
-        said.append(f"{source.name}: {result.undecoded.total()} images of {source.image_topic} cannot be decoded; the "
-                    f"first: {next(iter(result.undecoded))}")
+        said.append(f"{source.name}: {counted(result.undecoded.total(), 'image')} of {source.image_topic} cannot be "
+                    f"decoded; the first: {next(iter(result.undecoded))}")
     if not len(result.vectors):
-        said.append(f"{source.name}: not one vector was measured in {result.intervals} intervals; the water may show "
-                    f"no texture, or {work.interval_name} is longer than the recording")
+        said.append(f"{source.name}: not one vector was measured in {counted(result.intervals, 'interval')}; the "
+                    f"water may show no texture, or {work.interval_name} is longer than the recording")
     if not (work.bank_known or work.area_given):
         said.append(f"{source.name}: no static map tells ground from water, so velocities are measured everywhere, on "
                     "the bank, too; roi, exclude or static_map must say where the water is")

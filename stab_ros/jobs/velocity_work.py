@@ -14,11 +14,13 @@ from stab_ros.io.static_maps import read_recorded_map, read_static_map
 from stab_ros.io.topics import STATIC_MAP_TOPIC, TRACKER_NAME, topic_in
 from stab_ros.jobs.placed_recording import Placed, Placing, Recording
 from stab_ros.jobs.placing import PlacedPicture, Work
+from stab_ros.parameters.table import velocity_config
 from stab_ros.parameters.velocimeters import GROUND, make_bank_check, make_placer, make_velocimeter, takes_map
 from stab_ros.report.panel import gray_of
 from stab_ros.report.velocity_maps import Background
 from stab_ros.tracking.static_map import StaticMap
 from stab_ros.velocimetry.pictures import Stream
+from stab_ros.velocimetry.settings import METHODS
 from stab_ros.velocimetry.vectors import Unit, Vectors
 from stab_ros.velocimetry.velocimeter import Measured, Velocimeter
 from stab_ros.velocimetry.zone import Zone
@@ -55,8 +57,7 @@ class VelocityWork:
     @property
     def interval_name(self) -> str:
         """The parameter that tells how long an interval is."""
-        method = str(self._values.get("method", ""))
-        return f"{method}.interval_s" if method in ("lspiv", "stiv") else "extract_s"
+        return METHODS[velocity_config(self._values).method]
 
     @property
     def local_frame(self) -> LocalFrame | None:

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from stab_ros.core.errors import ConfigError
 from stab_ros.core.settings import Checked, setting
+from stab_ros.core.text import counted
 from stab_ros.core.types import NO_POINTS, BoolArray, Correspondences, FloatArray, Gray, Homography, IdArray
 from stab_ros.methods import _cramer_rao, _layout, _peaks
 from stab_ros.methods._affine_windows import AffineMaps, sample
@@ -70,7 +71,7 @@ class FftConfig(Checked):
                               f"{_SIDES[0]} to {_SIDES[1]}")
         if len(steps) != len(sides) or min(steps) < 1:
             raise ConfigError(f"fft.steps: {self.steps!r}, there must be one step of at least 1 px for each of the "
-                              f"{len(sides)} passes")
+                              f"{counted(len(sides), 'pass', 'passes')}")
 
     @property
     def sides_px(self) -> tuple[int, ...]:

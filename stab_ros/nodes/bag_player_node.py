@@ -17,6 +17,7 @@ from tqdm import tqdm
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.settings import Checked, setting
+from stab_ros.core.text import counted
 from stab_ros.io.bag import BagReader, Message, open_bag
 from stab_ros.io.cdr import SECOND_NS
 from stab_ros.io.diagnostics_message import OK
@@ -135,7 +136,7 @@ class BagPlayerNode(StabNode):
 
     def _wait_for_subscribers(self, bag: BagReader, spinner: Spinner) -> None:
         images = [name for name in self._outputs if holds_images(bag.topics[name])]
-        self._activity = f"waiting for {self.settings.wait_for_subscribers} subscribers"
+        self._activity = f"waiting for {counted(self.settings.wait_for_subscribers, 'subscriber')}"
         awaited = [self._outputs[name] for name in images or self._outputs]
         while self._plays_on(spinner):
             if sum(publisher.subscribers for publisher in awaited) >= self.settings.wait_for_subscribers:

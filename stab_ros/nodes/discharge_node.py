@@ -9,6 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import QoSProfile
 
 from stab_ros.core.settings import Value, settings_of
+from stab_ros.core.text import counted
 from stab_ros.discharge.doubts import surface_doubts
 from stab_ros.discharge.running import Reading, RunningDischarge
 from stab_ros.discharge.settings import DischargeConfig, RunningConfig
@@ -86,7 +87,7 @@ class DischargeNode(StabNode):
 
     def _awaited(self) -> str:
         if self._inputs is None:
-            return f"{self.settings.wait_for_subscribers} subscribers of {self._output.topic}"
+            return f"{counted(self.settings.wait_for_subscribers, 'subscriber')} of {self._output.topic}"
         velocity = self._inputs.velocity
         return f"velocities on {velocity.topic}" + ("" if velocity.publishers else ", nobody publishes it")
 

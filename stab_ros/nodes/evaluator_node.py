@@ -10,6 +10,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.kernels import Compilation
 from stab_ros.core.memory import give_back_memory
 from stab_ros.core.settings import Value
+from stab_ros.core.text import counted
 from stab_ros.core.types import Frame, Homography
 from stab_ros.evaluation.evaluator import Arrival, Evaluator
 from stab_ros.evaluation.findings import Level, findings
@@ -127,7 +128,7 @@ class EvaluatorNode(StabNode):
 
     def _awaited(self) -> str:
         if self._inputs is None:
-            return f"{self.settings.wait_for_subscribers} subscribers of {self.outputs.metrics.topic}"
+            return f"{counted(self.settings.wait_for_subscribers, 'subscriber')} of {self.outputs.metrics.topic}"
         images = self._inputs.image
         return f"images on {images.topic}" + ("" if images.publishers else ", nobody publishes it")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
+from stab_ros.core.text import counted
 from stab_ros.core.types import Track
 from stab_ros.io.advice import to_try
 from stab_ros.nodes.throttled_warnings import ThrottledWarnings
@@ -29,5 +30,6 @@ class LostLog:
 
     def _found(self, track: Track) -> None:
         if self._told:
-            self._logger.info(f"tracked again from stamp {track.stamp_ns} ns on, after {self._lost} lost frames")
+            self._logger.info(f"tracked again from stamp {track.stamp_ns} ns on, "
+                              f"after {counted(self._lost, 'lost frame')}")
         self._lost, self._told = 0, False

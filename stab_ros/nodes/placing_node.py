@@ -10,6 +10,7 @@ from typing import TypeAlias
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.kernels import Compilation
 from stab_ros.core.settings import Value
+from stab_ros.core.text import counted
 from stab_ros.core.timeline import Advance
 from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
 from stab_ros.georeferencing.level_doubts import missing_level, silent_level, stale_level
@@ -166,7 +167,8 @@ class PlacingNode(StabNode):
         elif self.subscribers >= self.settings.wait_for_subscribers:
             self._open()
         else:
-            self.status.waiting_for = f"{self.settings.wait_for_subscribers} subscribers of {self.awaited_topic}"
+            subscribers = counted(self.settings.wait_for_subscribers, "subscriber")
+            self.status.waiting_for = f"{subscribers} of {self.awaited_topic}"
 
     def _open(self) -> None:
         topic = self._images.open()
@@ -330,7 +332,7 @@ class PlacingNode(StabNode):
             return ()
         age_s = (self._newest_ns - self.status.newest_ns(WATER_LEVEL_TOPIC)) / SECOND_NS
         if math.isfinite(age_s):
-            return (stale_level(age_s),) if age_s > self.settings.water_level_timeout_s else ()
+            return stale_level(age_s, self.settings.water_level_timeout_s)
         if self._sensors.level.publishers:
             return (silent_level(self._sensors.level.topic, self._wse_m),)
         needed = needs_level(self._config) and not self._level_given

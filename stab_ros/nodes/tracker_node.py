@@ -12,6 +12,7 @@ from std_srvs.srv import Trigger
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.kernels import Compilation
 from stab_ros.core.settings import Value
+from stab_ros.core.text import counted
 from stab_ros.core.timeline import Advance
 from stab_ros.core.types import Frame, ResetReason, Track
 from stab_ros.io.advice import FixedToCamera, why_anew
@@ -128,7 +129,8 @@ class TrackerNode(StabNode):
             self.status.waiting_for = f"images on {topic}" + (" and camera_info" if self.camera else "")
             self.get_logger().info(f"ready, taking images from {topic}")
         else:
-            self.status.waiting_for = f"{self.settings.wait_for_subscribers} subscribers of {HOMOGRAPHY_TOPIC}"
+            subscribers = counted(self.settings.wait_for_subscribers, "subscriber")
+            self.status.waiting_for = f"{subscribers} of {HOMOGRAPHY_TOPIC}"
 
     def _knows_camera(self) -> bool:
         """Whether images can be tracked: no camera is needed, or it is known."""

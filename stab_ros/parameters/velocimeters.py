@@ -34,12 +34,10 @@ from stab_ros.velocimetry.lspiv import Lspiv
 from stab_ros.velocimetry.particles import Particles
 from stab_ros.velocimetry.pictures import Stream
 from stab_ros.velocimetry.pixel_plane import PixelPlane
-from stab_ros.velocimetry.plane_mask import PlaneMask
 from stab_ros.velocimetry.shore import off_ground
 from stab_ros.velocimetry.stiv import Stiv
 from stab_ros.velocimetry.vectors import Unit
 from stab_ros.velocimetry.velocimeter import MakeMethod, Velocimeter
-from stab_ros.velocimetry.zone import Zone
 
 _PLACES = ("orientation", "gcps_file", "height_m", "known_distance", "gsd_m")  # any of them tells of metres
 _SCALES = ("gsd_m", "known_distance", "height_m")  # of a nadir reference
@@ -159,7 +157,7 @@ def _method_maker(values: Mapping[str, Value], unit: Unit) -> MakeMethod:
         if not lines:
             raise ConfigError("method stiv measures along lines, give them as lines")
         return lambda _zone: Stiv(along, lines, unit)
-    return lambda zone: Particles(config, _water(zone), unit)
+    return lambda zone: Particles(config, zone.mask, unit)
 
 
 def make_bank_check(values: Mapping[str, Value], stream: Stream, ground: StaticMap) -> Velocimeter:
@@ -185,8 +183,4 @@ def make_bank_check(values: Mapping[str, Value], stream: Stream, ground: StaticM
         inner = np.ones((config.block_px, config.block_px), np.uint8)  # windows there show no water
         return np.asarray(cv2.erode(ground.picture(), inner) >= GROUND)
 
-    return Velocimeter(stream, lambda zone: Particles(config, _water(zone), stream.unit), allowed)
-
-
-def _water(zone: Zone) -> PlaneMask | None:
-    return None if zone.allowed is None else PlaneMask(zone.allowed, np.linalg.inv(zone.plane_H_ref))
+    return Velocimeter(stream, lambda zone: Particles(config, zone.mask, stream.unit), allowed)

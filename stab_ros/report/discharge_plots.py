@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
+from stab_ros.core.text import counted
 from stab_ros.discharge.result import Discharge
 from stab_ros.report.panel import PREVIOUS_COLOR, REFERENCE_COLOR, Panel, drawn, label, legend, new_axes
 from stab_ros.velocimetry.vectors import Vectors
@@ -85,8 +86,8 @@ def plan_panel(found: Discharge, vectors: Vectors) -> Panel:
     _arrow_downstream(axes, found)
     axes.set_aspect("equal", adjustable="datalim")
     label(axes, "east, m", "north, m")
-    return drawn(figure, "Plan", f"{len(some)} of {len(vectors)} vectors, and the section with its verticals: blue "
-                 "measured, orange filled. The black arrow points downstream, across the section.",
+    return drawn(figure, "Plan", f"{len(some)} of {counted(len(vectors), 'vector')}, and the section with its "
+                 "verticals: blue measured, orange filled. The black arrow points downstream, across the section.",
                  "Map of the section and of velocity vectors, east and north in metres.")
 
 

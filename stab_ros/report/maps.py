@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 
+from stab_ros.core.text import counted
 from stab_ros.core.types import FloatArray
 from stab_ros.evaluation.results import TopicEvaluation
 from stab_ros.metrics.velocity_field import Field
@@ -89,7 +90,8 @@ def _point_panel(topic: TopicEvaluation) -> Panel:
         _mark_point(axes, point, bool(static), width)
     return drawn(figure, title, "The windows that RMSD is measured in, on the reference. Green: static; red, dotted: "
                  "moving, excluded from the means.",
-                 f"The reference picture with the windows of {len(topic.points)} verification points.", photo=True)
+                 f"The reference picture with the windows of {counted(len(topic.points), 'verification point')}.",
+                 photo=True)
 
 
 def _mark_point(axes: Axes, point: VerificationPoint, static: bool, width: int) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
+from stab_ros.core.text import counted
 from stab_ros.core.types import FloatArray
 from stab_ros.evaluation.results import TopicEvaluation
 from stab_ros.report.panel import LOST_COLOR, Panel, drawn, label, legend, new_axes, stream_color
@@ -45,7 +46,8 @@ def _panel(topics: Sequence[TopicEvaluation], short: str, title: str, unit: str,
     legend(axes)
     return drawn(figure, f"{title} over time", "Solid: against the reference; dotted: against the previous frame."
                  + (" Red ticks at the bottom: frames that were lost or have no picture." if lost else ""),
-                 f"{title} in {unit} of every frame over time in seconds, for {len(topics)} streams of pictures.")
+                 f"{title} in {unit} of every frame over time in seconds, for {counted(len(topics), 'stream')} of "
+                 "pictures.")
 
 
 def _article(word: str) -> str:

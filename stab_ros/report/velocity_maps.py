@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
+from stab_ros.core.text import counted
 from stab_ros.core.types import FloatArray, Gray
 from stab_ros.report.panel import Panel, drawn, label, new_axes, picture_height_in
 from stab_ros.velocimetry.grid import VelocityGrid
@@ -47,7 +48,8 @@ def trajectory_panel(vectors: Vectors, background: Background | None) -> Panel:
     axes.add_collection(lines)
     figure.colorbar(lines, ax=axes, label=f"speed, {vectors.unit}/s", shrink=0.8)
     _fit(axes, background, vectors)
-    return drawn(figure, "Trajectories", f"{len(chosen)} of {len(vectors)} vectors, each from its start to its end, "
+    return drawn(figure, "Trajectories", f"{len(chosen)} of {counted(len(vectors), 'vector')}, each from its start "
+                 "to its end, "
                  "coloured by speed.", "Coloured lines over the orthophoto: where and how fast the surface moved.",
                  photo=True)
 
@@ -60,7 +62,7 @@ def histogram_panel(vectors: Vectors) -> Panel:
     median = float(np.median(speed))
     axes.axvline(median, color="#c0392b")
     label(axes, f"speed, {vectors.unit}/s", "vectors")
-    return drawn(figure, "Speeds", f"All {len(vectors)} vectors; red: median, {median:.3g} {vectors.unit}/s.",
+    return drawn(figure, "Speeds", f"{counted(len(vectors), 'vector')}; red: median, {median:.3g} {vectors.unit}/s.",
                  "Histogram of the speeds of all vectors.")
 
 
@@ -93,7 +95,8 @@ def bank_panel(bank: Vectors) -> Panel:
     axes.axvline(0, color="black", linewidth=0.8)
     axes.set_aspect("equal", adjustable="datalim")
     label(axes, f"vx, {unit}/s", f"vy, {unit}/s")
-    return drawn(figure, "Velocity of the bank", f"{len(bank)} vectors on static ground; they should lie around 0.",
+    return drawn(figure, "Velocity of the bank", f"{counted(len(bank), 'vector')} on static ground, which should lie "
+                 "around 0.",
                  "Points: the two components of each velocity on the bank.")
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import inside
+from stab_ros.core.text import counted
 from stab_ros.core.types import FloatArray
 from stab_ros.estimation.models import minimal_points
 
@@ -16,9 +17,10 @@ def check_count(points_px: FloatArray, model: str, min_inliers: int) -> None:
     """Raises InputError where (n, 2) points, of which there are any, are too few to find a homography with."""
     n, least = len(points_px), minimal_points(model)
     if n and n < least:
-        raise InputError(f"points: {_counted(n)} cannot determine a {model} homography, there must be at least {least}")
+        raise InputError(f"points: {counted(n, 'point')} cannot determine a {model} homography, there must be at least "
+                         f"{least}")
     if n and n < min_inliers:
-        raise InputError(f"points: {_counted(n)} can never be the {min_inliers} inliers a frame must have, "
+        raise InputError(f"points: {counted(n, 'point')} can never be the {min_inliers} inliers a frame must have, "
                          f"name more or set min_inliers to {n} or less")
 
 
@@ -38,7 +40,3 @@ def check_used(points_px: FloatArray, features_px: FloatArray, method: str) -> N
 def _refuse(points_px: FloatArray, where: str) -> None:
     if len(points_px):
         raise InputError(f"points: ({points_px[0, 0]:g}, {points_px[0, 1]:g}) lies {where}")
-
-
-def _counted(n: int) -> str:
-    return f"{n} point" + "s" * (n != 1)

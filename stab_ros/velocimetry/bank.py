@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stab_ros.core.robust import robust_sigma
 from stab_ros.core.types import FloatArray
 from stab_ros.velocimetry.plane_mask import PlaneMask
 from stab_ros.velocimetry.vectors import Vectors
 
 _CHI2_99 = 9.21  # of two degrees of freedom
 _MEDIAN_COST = np.pi / 2  # variance of the median per variance of the mean
-_MEDIAN_SPREAD = 1.4826
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,23 +45,23 @@ class BankVelocity:
         return bool(self.median_m_s @ np.linalg.pinv(self.covariance, hermitian=True) @ self.median_m_s <= _CHI2_99)
 
 
-def bank_velocity(vectors: Vectors, bank: PlaneMask) -> BankVelocity:
+def bank_velocity(vectors: Vectors, bank: PlaneMask | None) -> BankVelocity:
     """The velocity of what lies on the bank.
 
     Args:
         vectors: of one interval, measured on water and bank alike.
-        bank: static ground on the plane of the vectors, as a static map or polygons.
+        bank: static ground on the plane of the vectors, as a static map or polygons; None: all lies on it.
 
     Returns:
         The median of the vectors that begin and end on it, with covariance.
     """
-    still = vectors[bank.holds(vectors.start_m) & bank.holds(vectors.end_m)]
+    still = vectors if bank is None else vectors[bank.holds(vectors.start_m) & bank.holds(vectors.end_m)]
     n = len(still)
     if not n:
         return BankVelocity(0, np.full(2, np.nan), np.full((2, 2), np.nan))
     velocity = still.velocity_m_s
     median = np.median(velocity, axis=0)
-    scatter = (_MEDIAN_SPREAD * np.median(np.abs(velocity - median), axis=0)) ** 2
+    scatter = robust_sigma(velocity) ** 2
     told = still.covariance.mean(axis=0)
     excess = np.maximum(scatter - np.diag(told), 0)
     own = (told + np.diag(excess)) * (_MEDIAN_COST if n > 2 else 1.0) / n

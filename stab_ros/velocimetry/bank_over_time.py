@@ -6,16 +6,14 @@ from collections.abc import Collection
 
 import numpy as np
 
+from stab_ros.core.text import counted
 from stab_ros.velocimetry.bank import BankVelocity, bank_velocity
-from stab_ros.velocimetry.plane_mask import PlaneMask
 from stab_ros.velocimetry.velocimeter import Measured
 
 
 def bank_of(measured: Measured) -> BankVelocity:
     """The velocity of the bank in an interval that was measured there alone."""
-    vectors, zone = measured.vectors, measured.zone
-    everywhere = np.ones((1, 1), bool) if zone.allowed is None else zone.allowed
-    return bank_velocity(vectors, PlaneMask(everywhere, np.linalg.inv(zone.plane_H_ref)))
+    return bank_velocity(measured.vectors, measured.zone.mask)
 
 
 def over_time(banks: Collection[BankVelocity]) -> BankVelocity:
@@ -39,4 +37,5 @@ def told(bank: BankVelocity, unit: str) -> str:
     x, y = bank.median_m_s
     sigma = float(np.hypot(*bank.sigma_m_s))
     rest = "that is zero within its error bar" if bank.at_rest else "that is not zero"
-    return f"({x:.2g}, {y:.2g}) {unit}/s with a standard deviation of {sigma:.2g} ({bank.count} vectors): {rest}"
+    measured = f"({x:.2g}, {y:.2g}) {unit}/s with a standard deviation of {sigma:.2g}"
+    return f"{measured} ({counted(bank.count, 'vector')}): {rest}"

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stab_ros.core.robust import robust_sigma
 from stab_ros.core.types import FloatArray, IdArray
 from stab_ros.velocimetry.vectors import Vectors
 
-_MEDIAN_SPREAD = 1.4826  # standard deviation of a normal distribution per median absolute deviation
 _MEDIAN_COST = np.pi / 2  # variance of the median per variance of the mean, of normal errors and many vectors
 
 
@@ -79,7 +79,7 @@ def _summary(vectors: Vectors) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Median (2,), own standard error of it (2,), and its changes by common errors (2, K)."""
     velocity = vectors.velocity_m_s
     median = np.median(velocity, axis=0)
-    scatter = (_MEDIAN_SPREAD * np.median(np.abs(velocity - median), axis=0)) ** 2
+    scatter = robust_sigma(velocity) ** 2
     told = vectors.covariance[:, [0, 1], [0, 1]].mean(axis=0)
     cost = _MEDIAN_COST if len(vectors) > 2 else 1.0  # the median of two is their mean
     own = np.sqrt(np.maximum(scatter, told) * cost / len(vectors))

@@ -9,7 +9,8 @@ from types import MappingProxyType
 from stab_ros.core.errors import ConfigError
 from stab_ros.core.settings import Checked, Value, setting
 
-METHODS = ("particles", "lspiv", "stiv")
+METHODS: Mapping[str, str] = MappingProxyType({  # method: the parameter that tells how long an interval is
+    "particles": "extract_s", "lspiv": "lspiv.interval_s", "stiv": "stiv.interval_s"})
 FOLLOW = ("template", "klt")
 SELECTION = ("even", "strongest")
 
@@ -26,7 +27,7 @@ class VelocityConfig(Checked):
 
     method: str = setting(
         "particles", "How velocities are measured: particles (features followed from frame to frame), lspiv (cross-"
-        "correlation on a grid), stiv (space-time images along lines)", choices=METHODS)
+        "correlation on a grid), stiv (space-time images along lines)", choices=tuple(METHODS))
     extract_s: float = setting(
         1.0, "Length of an interval in seconds: a vector leads from the first to the last position of a feature in it; "
         "then features are detected anew", 0.04, 10.0)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stab_ros.core.covariance import factor
 from stab_ros.core.geometry import apply, jacobian, normalized, product_jacobians
 from stab_ros.core.types import FloatArray, Homography, IdArray
 from stab_ros.velocimetry.placed_frame import PlacedFrame
@@ -84,7 +85,7 @@ class ErrorModel:
         """
         per_s = measured.weights / measured.dt_s
         begins, ends = (np.bincount(measured.pairs[:, k], per_s, minlength=len(frames)) for k in (0, 1))
-        own = self._field((measured.earlier + measured.later) / 2) @ _root(
+        own = self._field((measured.earlier + measured.later) / 2) @ factor(
             np.einsum("f,fij->ij", (ends - begins) ** 2, np.stack([one.covariance for one in frames])))
         shared = np.stack([one.shared for one in frames])
         common = (self._field(measured.later) @ np.einsum("f,fik->ik", ends, shared)
@@ -95,9 +96,3 @@ class ErrorModel:
     def _field(self, places: FloatArray) -> FloatArray:
         """Derivatives (N, 2, 8) of places (N, 2) on the plane by dE."""
         return jacobian(np.eye(3), apply(self._unit_H_plane, places)) / self._scale
-
-
-def _root(covariance: FloatArray) -> FloatArray:
-    """R (8, 8) with R R^T = covariance."""
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0)))

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from stab_ros.core.covariance import factor
 from stab_ros.core.types import BoolArray, FloatArray, IdArray
 from stab_ros.velocimetry.placed_frame import PlacedFrame
 from stab_ros.velocimetry.places import place_derivatives
@@ -49,22 +50,14 @@ def vectors_of(tracks: Tracks, keep: BoolArray, first_id: int, time_sigma_s: flo
                    unit)
 
 
-def square_root(covariance: FloatArray) -> FloatArray:
-    """L (8, 8) with L L^T the covariance (8, 8), which may be singular and badly scaled."""
-    scale = np.sqrt(np.maximum(np.diag(covariance), 0))
-    unit = np.where(scale > 0, scale, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(unit, unit))
-    return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0)))
-
-
 def _by_homographies(tracks: Tracks, which: IdArray) -> tuple[FloatArray, FloatArray]:
     """Changes (n, 2, 8) of the displacement by errors of the first homography, and of the last one of each."""
     first = tracks.frames[0]
     _, at_start = place_derivatives(first, tracks.start_px[which])
     at_end = np.zeros((len(which), 2, 8))
     for frame, these in _by_end(tracks, which):
-        at_end[these] = place_derivatives(frame, tracks.end_px[which[these]])[1] @ square_root(frame.covariance)
-    return -at_start @ square_root(first.covariance), at_end
+        at_end[these] = place_derivatives(frame, tracks.end_px[which[these]])[1] @ factor(frame.covariance)
+    return -at_start @ factor(first.covariance), at_end
 
 
 def _by_persistent(tracks: Tracks, which: IdArray) -> FloatArray:

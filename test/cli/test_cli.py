@@ -257,6 +257,7 @@ def test_an_output_that_is_a_link_is_written_to_where_it_leads(
         assert (tmp_path / "disk" / name).stat().st_size > 0
 
 
+@pytest.mark.thorough
 def test_names_of_any_bytes(recordings: dict[str, Path], command: Command, tmp_path: Path) -> None:
     source = tmp_path / "DJI_\udce9.mp4"  # as a camera or an old archive names it
     source.write_bytes(recordings["video"].read_bytes())

@@ -117,6 +117,11 @@ def test_few_verticals_cost_certainty_and_are_said() -> None:
     assert found.low_m3_s < RIVER.discharge_m3_s() < found.high_m3_s
 
 
+def test_one_vertical_is_one_vertical() -> None:
+    found = of(section=RIVER.section(3), until_m=11.0)
+    assert "only 1 vertical is measured, there should be 7 or more" in found.warnings
+
+
 def test_still_water_is_measured_to_flow_nowhere() -> None:
     found = of(River(lambda s: 0 * s))
     assert abs(found.q_m3_s) < 0.01 * RIVER.discharge_m3_s()

@@ -10,6 +10,8 @@ from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.discharge.measure import measure
 from stab_ros.discharge.running import Reading, RunningDischarge
 from stab_ros.discharge.settings import DischargeConfig, RunningConfig
+from stab_ros.georeferencing.level_doubts import stale_level
+from stab_ros.parameters.node_settings import VelocimetrySettings
 from stab_ros.velocimetry.speeds import joined
 from stab_ros.velocimetry.vectors import Vectors
 
@@ -49,7 +51,7 @@ def test_a_missing_level_gives_a_reason_and_no_number() -> None:
 
 
 def test_a_stale_level_is_said() -> None:
-    running = RunningDischarge(RIVER.section(), CONFIG, RunningConfig(level_max_age_s=15.0))
+    running = RunningDischarge(RIVER.section(), CONFIG, RunningConfig(water_level_timeout_s=15.0))
     running.set_level(0, WSE_M)
     first, second = readings(running, range(22))
     assert not any("old" in warning for warning in first.warnings)
@@ -58,6 +60,15 @@ def test_a_stale_level_is_said() -> None:
     third, = readings(running, range(22, 32))
     assert third.discharge is not None
     assert third.discharge.wse_m == WSE_M
+
+
+@pytest.mark.parametrize(("age_s", "stale"), [(900, False), (902, True)])
+def test_a_level_is_stale_after_as_long_for_velocities_as_for_discharges(age_s: int, stale: bool) -> None:
+    assert RunningConfig().water_level_timeout_s == VelocimetrySettings().water_level_timeout_s
+    running = RunningDischarge(RIVER.section(), CONFIG, RunningConfig())
+    running.set_level(0, WSE_M)
+    assert running.level_doubts(age_s * NS) == stale_level(age_s, VelocimetrySettings().water_level_timeout_s)
+    assert bool(running.level_doubts(age_s * NS)) is stale
 
 
 def test_a_window_without_vectors_gives_a_reason() -> None:

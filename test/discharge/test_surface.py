@@ -73,3 +73,17 @@ def test_vectors_beyond_an_island_do_not_count() -> None:
     beside = River(lambda s: np.where(s < 10, 0.2, 1.0)).vectors(np.random.default_rng(0), 4000, shared=0.0)
     found = surface_velocities(section, np.array([True, True, False, True, True]), beside, 1.5, 3)
     assert found.velocity_m_s[[0, 1, 3, 4]] == pytest.approx([0.2, 0.2, 1.0, 1.0], abs=0.05)
+
+
+def test_downstream_is_where_more_water_flows() -> None:
+    rng = np.random.default_rng(0)
+    flow = EVEN.vectors(rng, 1500, shared=0.0)
+    wild = River(lambda s: 0 * s - 900.0).vectors(rng, 15, shared=0.0)
+    assert surface_velocities(SECTION, WET, joined([flow, wild]), 1.0, 3).downstream @ [1, 0] == pytest.approx(1)
+    eddy = River(lambda s: np.where(s < 12, -0.1, 0.8)).vectors(rng, 1600, sigma_m_s=0.02, shared=0.0)
+    beside = joined([eddy[eddy.position_m[:, 1] < 12], eddy[eddy.position_m[:, 1] > 12][:80]])
+    assert np.mean(beside.velocity_m_s[:, 0] < 0) > 0.8
+    assert beside.velocity_m_s[:, 0].sum() < 0
+    found = surface_velocities(SECTION, WET, beside, 1.0, 3)
+    assert found.downstream @ [1, 0] == pytest.approx(1)
+    assert found.velocity_m_s[-1] == pytest.approx(0.8, abs=0.1)

@@ -91,8 +91,8 @@ def test_points_on_dirt_are_left_out_and_told() -> None:
     count = int(found.camera_fixed.sum())
     assert tree["points_left_out"]["fixed_to_camera"] == count
     assert [one["fixed_to_camera"] for one in tree["points"]] == found.camera_fixed.tolist()
-    assert tree["remarks"] == [f"{count} of {len(found.points)} verification points move with the camera, as dirt on "
-                               "the lens or an overlay does: they are left out"]
+    assert tree["remarks"] == [f"{count} of {len(found.points)} verification points are moving with the camera, as "
+                               "dirt on the lens or an overlay does: left out"]
 
 
 @pytest.mark.parametrize("told", [True, False], ids=["homographies", "none"])
@@ -142,7 +142,7 @@ def test_points_of_the_user_are_warned_about_and_kept() -> None:
     named: list[NamedPoint] = [(point.name, float(point.x_px), float(point.y_px)) for point in chosen.points]
     found = judged(Evaluator(EVERY, named), arrivals(specks))
     assert found.camera_fixed.any()
-    assert "they count all the same" in found.remarks[0]
+    assert "does: counted all the same" in found.remarks[0]
     assert topic_json(found)["points_left_out"]["fixed_to_camera"] == int((~found.static & found.camera_fixed).sum())
     assert all(row["points_used"] for row in found.measured)
 

@@ -102,6 +102,7 @@ def test_only_the_overlap_counts() -> None:
         assert max(lengths) < 0.1
 
 
+@pytest.mark.thorough
 def test_water_does_not_count_as_unrest() -> None:
     """A third of the picture flows at 1.5 px a frame under a camera that stands still."""
     still, images = picture(IDENTITY, SIZE, noise=0), []

@@ -33,7 +33,7 @@ MEANINGLESS: dict[str, tuple[dict[str, object], str]] = {
     "negative focal length": ({"k": [-400.0, *K[1:]]}, "positive focal lengths"),
     "NaN in D": ({"d": [math.nan, 0.0, 0.0, 0.0, 0.0]}, "K and D finite"),
     "unknown model": ({"distortion_model": "magic"}, "distortion_model 'magic'"),
-    "too few coefficients": ({"d": [0.1]}, "1 coefficients do not fit"),
+    "too few coefficients": ({"d": [0.1]}, "1 coefficient does not fit"),
     "binned": ({"binning_x": 2}, "binning and roi are not supported"),
 }
 

@@ -6,8 +6,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from stab_ros.core.covariance import factor
 from stab_ros.core.types import FloatArray
-from stab_ros.georeferencing.place_error import PlaceError, all_shared, factor
+from stab_ros.georeferencing.place_error import PlaceError, all_shared
 
 
 def covariance(seed: int) -> FloatArray:

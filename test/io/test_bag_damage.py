@@ -225,7 +225,7 @@ def test_messages_without_a_channel_are_left_out(tmp_path: Path) -> None:
     data = builder.end()
     found = read(bomb(tmp_path / "a.mcap", chunk_of(data, "", len(data))))
     assert [message.topic for message in found.messages] == ["/notes"]
-    assert f"{tmp_path / 'a.mcap'}: 1 messages of unknown topic are left out" in found.warnings
+    assert f"{tmp_path / 'a.mcap'}: 1 message of unknown topic is left out" in found.warnings
 
 
 def test_zeros_that_a_crashed_file_system_leaves(tmp_path: Path) -> None:

@@ -277,7 +277,7 @@ def test_a_bag_that_holds_images_too_is_a_bag_and_says_so(
     with open_source(bag) as source:
         assert isinstance(source, BagSource)
         assert len([*source.frames()]) == 2
-        assert source.warnings == [f"{bag}: is taken as a bag, the 1 images in it are left out"]
+        assert source.warnings == [f"{bag}: is taken as a bag, 1 image in it is left out"]
 
 
 def test_images_with_a_recording_beside_them_are_images_and_say_so(flight: list[Shot], tmp_path: Path) -> None:

@@ -110,7 +110,7 @@ def test_broken_blocks_are_left_out_and_said(tmp_path: Path) -> None:
         sound[: sound.index("[latitude") + 14])
     recorded = read(tmp_path / "a.srt", text)
     assert [record.since_start_ns for record in recorded.records] == [0, 160_000_000]
-    assert recorded.warnings == ["4 of 6 blocks hold no time with a position or an attitude and are left out"]
+    assert recorded.warnings == ["4 of 6 blocks are left out, holding no time with a position or an attitude"]
 
 
 def test_blocks_without_a_number_are_told_apart(tmp_path: Path) -> None:
@@ -232,7 +232,7 @@ def test_times_of_a_table(tmp_path: Path, header: str, cell: str, since_ns: int 
     recorded = read(tmp_path / "a.csv", text)
     if (since_ns, utc_ns) == (None, None):
         assert len(recorded.records) == 1
-        assert recorded.warnings == ["1 lines hold no moment and are left out, the first is line 2"]
+        assert recorded.warnings == ["1 line holds no moment and is left out, the first is line 2"]
     else:
         assert (recorded.records[0].since_start_ns, recorded.records[0].utc_ns) == (since_ns, utc_ns)
 

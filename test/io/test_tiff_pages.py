@@ -96,7 +96,7 @@ def test_thumbnails_masks_and_pages_of_another_size_are_no_frames(tmp_path: Path
         writer.write(frames[0][::4, ::4].copy(), photometric="minisblack")
     images, remark = stored_images(tmp_path / "p.tif")
     np.testing.assert_array_equal(pixels(images[0]), frames[0])
-    assert (len(images), "1 of its 2 pages are of another size" in remark) == (1, True)
+    assert (len(images), "1 of its 2 pages is of another size" in remark) == (1, True)
 
 
 def test_a_stack_that_was_cut_off_gives_the_pages_before(tmp_path: Path) -> None:

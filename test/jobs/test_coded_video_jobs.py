@@ -52,7 +52,7 @@ def test_stabilize_a_video_that_begins_between_key_frames(
     bag = write_coded(tmp_path / "in.mcap", packets[3:], stamps_ns(flight), compressed_video("h264"))
     done = command("stabilize", bag, tmp_path / "out.mcap", "--homographies", tmp_path / "H.csv", "--keep-raw")
     assert done.returncode == 0, done.stderr
-    assert f"2 of 7 images of {TOPIC} cannot be used and count as lost (unusable image); the first: " in done.stderr
+    assert f"2 of 7 images of {TOPIC} cannot be used, which counts as lost (unusable image); the first: " in done.stderr
     assert "h264 video: no key frame has come before it" in done.stderr
     rows = table(tmp_path / "H.csv")
     assert [row["status"] for row in rows] == ["LOST"] * 2 + ["TRACKED"] * 5

@@ -202,7 +202,7 @@ def test_unknown_methods_are_refused_before_anything_is_read(command: Command, t
 
 
 @pytest.mark.parametrize(("rows", "said"), [
-    (slice(0, 5), "does not fit raw.mcap, it has no row for frame 5; it must have one for each of the 10 frames"),
+    (slice(0, 5), "does not fit raw.mcap, it has no row for frame 5; it must have one for each of 10 frames"),
     (slice(1, 10), "no row for frame 0"), (slice(0, 0), "holds no homography")])
 def test_a_truth_that_does_not_fit(rows: slice, said: str, bag: Path, command: Command, tmp_path: Path) -> None:
     head, *lines = (bag.parent / "truth.csv").read_text(encoding="utf-8").splitlines()

@@ -42,9 +42,8 @@ def survey(path: Path, header: str = "X,Y,Z", depths: bool = False) -> Path:
 
 
 def recording(path: Path, levels: list[tuple[int, float]], frame_id: str = "map", origin: LocalFrame | None = None,
-              others: tuple[LocalFrame, ...] = ()
-              ) -> Path:
-    """Velocities of seconds 100 to 103 and water levels, as a node records them."""
+              others: tuple[LocalFrame, ...] = (), first_s: int = 100) -> Path:
+    """Velocities of three seconds and water levels, as a node records them."""
     with BagWriter(path) as bag:
         bag.add_topic(topic_of("/camera/velocity", POINT_CLOUD2))
         bag.add_topic(topic_of("/water_level", FLOAT64))
@@ -55,7 +54,7 @@ def recording(path: Path, levels: list[tuple[int, float]], frame_id: str = "map"
                 bag.write("/camera/georeference_node/origin", 0, 0, fix)
         for second, wse_m in levels:
             bag.write("/water_level", second * NS, second * NS, serialize(ros.std_msgs__msg__Float64(wse_m), FLOAT64))
-        for second in range(100, 103):
+        for second in range(first_s, first_s + 3):
             vectors = RIVER.vectors(np.random.default_rng(second), 500, start_s=float(second))
             stamp_ns = (second + 1) * NS
             cloud = velocity_cdr(vectors, WSE_M, Header(stamp_ns, frame_id))
@@ -107,11 +106,22 @@ def test_a_recording_with_its_water_level(tmp_path: Path, capsys: pytest.Capture
 
 
 def test_a_stale_level_and_another_level_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    bag, section = recording(tmp_path / "v.mcap", [(10, WSE_M + 0.2)]), survey(tmp_path / "S.csv")
+    section = survey(tmp_path / "S.csv")
+    bag = recording(tmp_path / "v.mcap", [(10, WSE_M + 0.2)], first_s=1000)
     assert main(["discharge", str(bag), str(section)]) == 0
     said = capsys.readouterr().err
-    assert "the water level is 90 s older than the velocities" in said
+    assert "the water level is 993 s old, it must not be older than 900 s" in said
     assert "the velocities were measured on a water surface at 10 m" in said
+
+
+@pytest.mark.parametrize(("second", "says"), [
+    (10, ""), (500, ""), (2000, "the first water level comes 1897 s after the velocities")])
+def test_levels_of_the_last_quarter_of_an_hour_are_taken(tmp_path: Path, capsys: pytest.CaptureFixture[str],
+                                                         second: int, says: str) -> None:
+    bag, section = recording(tmp_path / "v.mcap", [(second, WSE_M)]), survey(tmp_path / "S.csv")
+    assert main(["discharge", str(bag), str(section)]) == 0
+    said = capsys.readouterr().err
+    assert says in said if says else "water level" not in said
 
 
 def test_without_a_topic_of_levels_that_of_the_velocities_counts(tmp_path: Path) -> None:
@@ -149,7 +159,7 @@ def test_a_rating_curve_grows(tmp_path: Path, velocity: Path, capsys: pytest.Cap
     rating, section = tmp_path / "R.csv", survey(tmp_path / "S.csv")
     call = ["discharge", str(velocity), str(section), "--wse", "10", "--rating", str(rating)]
     assert main(call) == 0
-    assert "none yet: 1 different stages" in capsys.readouterr().out
+    assert "none yet: 1 different stage tells no rating curve" in capsys.readouterr().out
     assert main(call) == 0  # the same source again
     assert len(rating.read_text().splitlines()) == 2
     with rating.open("a") as file:

@@ -232,7 +232,7 @@ def test_a_foreign_bag_is_stabilised_by_each_of_its_image_topics(
     bag = shared_data / "rosbag2_2025_09_10-13_03_56_0.mcap"
     for topic in ("/image", "/compressed_image"):
         out, _ = run(command, bag, tmp_path / "out.mcap", "--image-topic", topic, "--force")
-        assert "1 frames: 1 tracked" in out
+        assert "1 frame: 1 tracked" in out
         before, after = messages(bag), messages(tmp_path / "out.mcap")
         assert {name: after[name] for name in before if name != topic} == {
             name: data for name, data in before.items() if name != topic}

@@ -155,7 +155,7 @@ def test_order_and_twins(tmp_path: Path) -> None:
     path, done = converted(tmp_path, "a.csv", f"time,lat,lon,height\n{rows}")
     assert [message.latitude for _, message in by_rosbags(path)["/camera/fix"]] == [55.0000001, 55.0000002, 55.0000003]
     assert [line.partition("a.csv: ")[2] for line in done.warnings] == [
-        "1 moments have the time of an earlier one and are left out",
+        "1 moment has the time of an earlier one and is left out",
         "its moments are not in the order of time, they are put in it"]
 
 
@@ -244,5 +244,5 @@ def test_heights_that_are_none_and_positions_that_are_missing_are_said(tmp_path:
     assert any("there are no positions to be written, only attitudes" in line for line in nowhere.warnings)
     with pytest.raises(InputError, match=r"--home-height: 1e\+20 m, it must lie within 100000 m"):
         converted(tmp_path, "home.srt", subtitles(9), force=True, home_height_m=1e20)
-    with pytest.raises(InputError, match="hold no moment and are left out, the first is line 2"):
+    with pytest.raises(InputError, match="1 line holds no moment and is left out, the first is line 2"):
         converted(tmp_path, "never.csv", head + "soon,55,-1.67,9,10,-90\n", force=True)

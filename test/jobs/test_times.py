@@ -128,7 +128,7 @@ def test_images_that_are_logged_out_of_order_are_taken_by_their_stamps(
         found[name] = table.read_text(), done.stderr
     assert found["swapped"][0] == found["right"][0]  # the same rows, in the order of the stamps
     (line,) = found["swapped"][1].splitlines()
-    assert f"5 images of {IMAGE_TOPIC} were logged out of order, they are taken in the order of their header" in line
+    assert f"5 images of {IMAGE_TOPIC} are logged out of order, all are taken in the order of their header" in line
     assert not found["right"][1]
     table = tmp_path / "log.csv"
     done = command("stabilize", swapped, tmp_path / "log.mcap", "--homographies", table, "--time", "log")

@@ -97,7 +97,7 @@ def test_live_gives_what_the_engine_gives(graph: Graph, tmp_path: Path) -> None:
 
 
 def test_a_missing_and_a_stale_level_are_said(graph: Graph, tmp_path: Path) -> None:
-    stream = Stream(graph, section_file=section_file(tmp_path), level_max_age_s=5.0)
+    stream = Stream(graph, section_file=section_file(tmp_path), water_level_timeout_s=5.0)
     assert values_of(stream.report("nobody publishes /cam/water_level"))["state"] == "WAITING"
     stream.flow(range(12))
     first, = stream.discharges(1)

@@ -81,7 +81,8 @@ def test_bad_parameters_end_the_node(graph: Graph) -> None:
 def test_what_it_waits_for_is_said(graph: Graph) -> None:
     reports: list[Any] = graph.listen(DiagnosticArray, "/diagnostics")
     node = graph.start("velocimetry_node", "/cam", wait_for_subscribers=1)
-    graph.until(lambda: any("subscribers of velocity" in one.status[0].message for one in reports), "what it waits for")
+    awaited = "1 subscriber of velocity"
+    graph.until(lambda: any(awaited in one.status[0].message for one in reports), "what it waits for")
     assert values_of(reports[-1])["unit"] == "px/s"
     assert node.stop() == 0
 

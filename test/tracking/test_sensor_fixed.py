@@ -74,6 +74,7 @@ def test_text_in_the_picture_is_not_the_ground(rows: int) -> None:
     assert np.mean(stabilizer.static_map.picture()[text] > 127) < 0.1
 
 
+@pytest.mark.thorough
 def test_dirt_on_the_lens_is_not_the_ground() -> None:
     """Its specks, dragged along by the scene behind them, keep together only loosely and never quite rest."""
     stabilizer = make_stabilizer({})
@@ -88,6 +89,7 @@ def test_dirt_on_the_lens_is_not_the_ground() -> None:
     assert stabilizer.competing_hypothesis is None
 
 
+@pytest.mark.thorough
 def test_bars_above_and_below_are_not_the_ground() -> None:
     stabilizer = make_stabilizer({})
     assert is_right(fly(stabilizer, swaying(), lambda _, image: with_bars(image)))

@@ -1,0 +1,18 @@
+"""Square roots of covariances, also of singular and badly scaled ones."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stab_ros.core.covariance import factor
+
+
+def test_the_square_of_the_root_is_the_covariance() -> None:
+    column = np.array([1e-6, 0, 3, 0, 1, 2, 1e-9, 0])
+    rng = np.random.default_rng(0)
+    scales = 10.0 ** np.arange(-9, 7, 2)
+    full = rng.normal(size=(8, 12)) * scales[:, None]
+    for covariance in (np.outer(column, column), full @ full.T, np.zeros((8, 8))):
+        root, size = factor(covariance), np.sqrt(np.diag(covariance))
+        scale = np.outer(*[np.where(size > 0, size, 1)] * 2)
+        np.testing.assert_allclose((root @ root.T) / scale, covariance / scale, atol=1e-12)
