@@ -4,8 +4,8 @@ Motion alone does not tell: a camera that drifts with the water sees what a came
 So each pair of planes is compared by
 
 1. persistence: ground keeps its texture; the share of inliers among the features in a plane's Voronoi cells, of those
-   that have as much texture as most of either plane (weaker ones are lost to noise, on banks and on water alike) and
-   that neither motion takes out of view: others may have left the picture, which tells nothing,
+   that have as much texture as most of either plane: weaker ones are lost to noise, on banks and on water alike. What
+   the other plane's motion takes out of view, and this one's does not, may have been the other's and is gone, not lost,
 2. spread: banks lie on either side of the water; the share of the other plane's features inside the convex hull of this
    plane's features,
 3. drift: a hovering camera moves little; how far each plane moved during the start-up,
@@ -163,17 +163,19 @@ class _Cues:
                 + (self._spread(other) if self.at_rest is other.at_rest else self._motion(other)))
 
     def _persistence_odds(self, other: _Cues) -> float:
-        """Log ratio of both planes' persistence, among features of equal texture unless one is an overlay.
+        """Log ratio of both planes' persistence, among features of equal texture unless one is an overlay."""
+        overlaid = self.at_rest is not other.at_rest
+        least_power = 0.0 if overlaid else max(self._usual_power, other._usual_power)
+        return math.log(self._persistence(other, least_power) / other._persistence(self, least_power))
 
-        Few features tell little: two more of each plane have the persistence of both together.
+    def _persistence(self, other: _Cues, least_power: float) -> float:
+        """Share of the features with so much power that were not lost, as Laplace estimates it from few.
+
+        What the other plane takes out of view, and this one does not, can have left the picture with it.
         """
-        least_power = 0.0 if self.at_rest is not other.at_rest else max(self._usual_power, other._usual_power)
-        compared = self.stays & other.stays & (self.power >= least_power)
-        kept, lost = (np.array([np.sum(of & compared) for of in both])
-                      for both in ((self.kept, other.kept), (self.lost, other.lost)))
-        usual = (kept.sum() + 1) / (kept.sum() + lost.sum() + 2)
-        own, others = (kept + 2 * usual) / (kept + lost + 2)
-        return math.log(own / others)
+        lost = self.lost & ~(self.stays & ~other.stays)
+        kept_n, lost_n = (np.sum(self.power[of] >= least_power) for of in (self.kept, lost))
+        return float((kept_n + 1) / (kept_n + lost_n + 2))
 
     @property
     def _usual_power(self) -> float:
