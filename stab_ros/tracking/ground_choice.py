@@ -4,14 +4,16 @@ Motion alone does not tell: a camera that drifts with the water sees what a came
 So each pair of planes is compared by
 
 1. persistence: ground keeps its texture; the share of inliers among the features in a plane's Voronoi cells, of those
-   that have as much texture as most of either plane: weaker ones are lost to noise, on banks and on water alike,
+   that have as much texture as most of either plane: weaker ones are lost to noise, on banks and on water alike. What
+   the other plane's motion takes out of view, and this one's does not, may have been the other's and is gone, not lost,
 2. spread: banks lie on either side of the water; the share of the other plane's features inside the convex hull of this
    plane's features,
 3. drift: a hovering camera moves little; how far each plane moved during the start-up,
 4. size,
 5. motion, where one of the planes has not moved at all in the image: then it is fixed to the camera, as an overlay, or
    the camera is fixed and the other one is water. A camera turns and sways, water moves on steadily and shears. And
-   what is fixed to the camera is scattered over the scene,
+   what is fixed to the camera is scattered over the scene. Where the scene shows through, it draws what is fixed along:
+   that moves by a small part of the scene's motion, which water does not share with a camera,
 
 as log odds that add up. Each of them is bounded, so none can outweigh all others. (A polygon or a static map replaces
 them all.) Where the sum stays small, the choice is ambiguous, and the other plane is kept as a competing hypothesis.
@@ -27,7 +29,7 @@ import cv2
 import numpy as np
 
 from stab_ros.core.geometry import apply, grid, point_jacobian
-from stab_ros.core.types import FloatArray, Homography, IdArray
+from stab_ros.core.types import BoolArray, FloatArray, Homography, IdArray
 from stab_ros.tracking.planes import Plane
 
 _PERSISTENCE, _SPREAD, _SIZE = 2.0, 3.5, 0.25  # log odds
@@ -36,6 +38,8 @@ _HOVERING = 0.0015  # of the image width: drift of a hovering camera during the 
 _SWAY_PX = 0.5  # of a plane beyond a steady motion: neither for nor against a moving camera
 _MOTION, _MOST_BY_MOTION = 1.5, 3.0
 _SCATTERED = 4.0
+_DRAWN_PX = 0.1  # as far as all that is fixed to the camera may move together without being drawn along
+_ALIGNED_RAD = 0.15  # between the paths of what is drawn along and of the scene, standard deviation
 _BESIDE = 1.6  # times the mean distance of the features
 CERTAIN_ODDS = 1.65  # odds of 5 to 1, more than drift and size alone can give
 _CAUTION = 1.0
@@ -124,17 +128,21 @@ def _cautions(planes: list[Plane]) -> FloatArray:
 class _Cues:
     """Cues of one plane.
 
-    power: (n,) of its features. lost_power: (m,) of those that were lost in its Voronoi cells.
-    hull, features_px: (n, 2). drift_px: at the end of the start-up.
-    width_px: of the image. elapsed_s: length of the start-up. at_rest: of `Plane`. motion: log odds that it moves as
-    the scene does before a camera, and not as water. scattered: log odds that it is scattered over the scene.
+    power: (N,) of all features. kept, lost, stays: (N,) bool, its own, those that were lost in its Voronoi cells, and
+    all that its motion keeps in view. hull, features_px: (n, 2), of its own. drift_px: at the end of the start-up.
+    path_px: (F, 2) how far its centre has moved, NaN: unknown. width_px: of the image. elapsed_s: length of the
+    start-up. at_rest: of `Plane`. motion: log odds that it moves as the scene does before a camera, and not as water.
+    scattered: log odds that it is scattered over the scene.
     """
 
     power: FloatArray
-    lost_power: FloatArray
+    kept: BoolArray
+    lost: BoolArray
+    stays: BoolArray
     hull: FloatArray
     features_px: FloatArray
     drift_px: float
+    path_px: FloatArray
     width_px: int
     elapsed_s: float
     at_rest: bool
@@ -143,7 +151,10 @@ class _Cues:
 
     def odds_against(self, other: _Cues) -> float:
         """Log odds that this plane is the ground and not the other one."""
-        return self.odds_without_drift(other) + drift_odds(self.drift_px, other.drift_px, self.width_px, self.elapsed_s)
+        odds = self.odds_without_drift(other)
+        if self._drawn(other):  # then even what is fixed to the camera drifts, or what drifts is
+            return odds
+        return odds + drift_odds(self.drift_px, other.drift_px, self.width_px, self.elapsed_s)
 
     def odds_without_drift(self, other: _Cues) -> float:
         """The same by all cues but drift."""
@@ -154,20 +165,42 @@ class _Cues:
     def _persistence_odds(self, other: _Cues) -> float:
         """Log ratio of both planes' persistence, among features of equal texture unless one is an overlay."""
         overlaid = self.at_rest is not other.at_rest
-        least_power = 0.0 if overlaid else max(float(np.median(self.power)), float(np.median(other.power)))
-        return math.log(self._persistence(least_power) / other._persistence(least_power))
+        least_power = 0.0 if overlaid else max(self._usual_power, other._usual_power)
+        return math.log(self._persistence(other, least_power) / other._persistence(self, least_power))
 
-    def _persistence(self, least_power: float) -> float:
-        """Share of the features with so much power that were not lost, as Laplace estimates it from few."""
-        kept, lost = np.sum(self.power >= least_power), np.sum(self.lost_power >= least_power)
-        return float((kept + 1) / (kept + lost + 2))
+    def _persistence(self, other: _Cues, least_power: float) -> float:
+        """Share of the features with so much power that were not lost, as Laplace estimates it from few.
+
+        What the other plane takes out of view, and this one does not, can have left the picture with it.
+        """
+        lost = self.lost & ~(self.stays & ~other.stays)
+        kept_n, lost_n = (np.sum(self.power[of] >= least_power) for of in (self.kept, lost))
+        return float((kept_n + 1) / (kept_n + lost_n + 2))
+
+    @property
+    def _usual_power(self) -> float:
+        return float(np.median(self.power[self.kept]))
 
     def _spread(self, other: _Cues) -> float:
         return _SPREAD * (_enclosed(other.features_px, self.hull) - _enclosed(self.features_px, other.hull))
 
     def _motion(self, other: _Cues) -> float:
         """Where one of the two is at rest: log odds that it is fixed to the camera, if that is the other one."""
-        return -other._motion(self) if self.at_rest else self.motion + other.scattered
+        return -other._motion(self) if self.at_rest else self.motion + other.scattered + self._drawn(other)
+
+    def _drawn(self, other: _Cues) -> float:
+        """Where one of the two is at rest: log odds, at least 0, that the other one draws it along.
+
+        As it moves by less, its path is the other one's made smaller. The path of a camera before water has any
+        direction.
+        """
+        if self.at_rest is other.at_rest:
+            return 0.0
+        resting, moving = (self, other) if self.at_rest else (other, self)
+        angle = _angle(resting.path_px, moving.path_px)
+        density = math.sqrt(2 / math.pi) / _ALIGNED_RAD * math.exp(-0.5 * (angle / _ALIGNED_RAD) ** 2)
+        moves = float(np.nanmax(np.hypot(*resting.path_px.T))) > _DRAWN_PX
+        return max(0.0, math.log(math.pi * density)) if moves else 0.0
 
 
 def drift_odds(own_px: float, other_px: float, width_px: int, elapsed_s: float) -> float:
@@ -191,9 +224,10 @@ def _cues(planes: list[Plane], seen: Observations) -> list[_Cues]:
     for plane, lost in zip(planes, _lost_beside(planes, seen), strict=True):
         features_px = seen.reference_px[plane.member]
         hull = np.asarray(cv2.convexHull(features_px.astype(np.float32)).reshape(-1, 2))
-        found.append(_Cues(seen.power[plane.member], seen.power[lost], hull, features_px,
-                           drift_px(plane.last, seen.size), seen.size[0], float(seen.elapsed_s[-1]), plane.at_rest,
-                           _motion_odds(plane, seen), _scattered_odds(plane, seen)))
+        found.append(_Cues(seen.power, plane.member, lost, _stays_in_view(plane, seen), hull, features_px,
+                           drift_px(plane.last, seen.size), _path_px(plane, seen), seen.size[0],
+                           float(seen.elapsed_s[-1]), plane.at_rest, _motion_odds(plane, seen),
+                           _scattered_odds(plane, seen)))
     return found
 
 
@@ -226,10 +260,23 @@ def _turn_px(plane: Plane, seen: Observations) -> float:
 
 def _sway_px(plane: Plane, seen: Observations) -> float:
     """RMS distance of its centre from a steady motion, px."""
-    known = np.flatnonzero(~np.isnan(plane.ref_H_cur[:, 0, 0]))
+    path_px = _path_px(plane, seen)
+    known = ~np.isnan(path_px[:, 0])
+    return _unsteady_px(seen.elapsed_s[known], path_px[known])
+
+
+def _path_px(plane: Plane, seen: Observations) -> FloatArray:
+    """(F, 2) how far the centre of its features has moved, NaN where that is not known."""
     centre = seen.reference_px[plane.member].mean(axis=0)[None]
-    away_px = np.array([apply(np.linalg.inv(plane.ref_H_cur[f]), centre)[0] for f in known]) - centre
-    return _unsteady_px(seen.elapsed_s[known], away_px)
+    return np.array([np.full(2, np.nan) if np.isnan(H[0, 0]) else apply(np.linalg.inv(H), centre)[0] - centre[0]
+                     for H in plane.ref_H_cur])
+
+
+def _angle(path_px: FloatArray, other_px: FloatArray) -> float:
+    """Between two paths (F, 2) as vectors of what is known of both, rad; a right angle where one is at rest."""
+    both = ~np.isnan(path_px[:, 0]) & ~np.isnan(other_px[:, 0])
+    one, other = path_px[both].ravel(), other_px[both].ravel()
+    return math.acos(min(1.0, float(one @ other) / max(float(np.linalg.norm(one) * np.linalg.norm(other)), 1e-9)))
 
 
 def _share_near(points: FloatArray, others: FloatArray, within_px: float) -> float:
@@ -238,14 +285,24 @@ def _share_near(points: FloatArray, others: FloatArray, within_px: float) -> flo
     return float(np.mean(np.hypot(*(points - nearest).T) < within_px))
 
 
-def _lost_beside(planes: list[Plane], seen: Observations) -> list[IdArray]:
-    """For each plane, which of the features that are on no plane lie in the Voronoi cells of its own."""
+def _stays_in_view(plane: Plane, seen: Observations) -> BoolArray:
+    """(N,) bool: which features lie in every frame where the reference has any, if they move with the plane."""
+    low, high = seen.reference_px.min(axis=0), seen.reference_px.max(axis=0)
+    known = plane.ref_H_cur[~np.isnan(plane.ref_H_cur[:, 0, 0])]
+    at_px = np.stack([apply(np.linalg.inv(H), seen.reference_px) for H in known])
+    return np.asarray(np.all((at_px >= low) & (at_px <= high), axis=(0, 2)))
+
+
+def _lost_beside(planes: list[Plane], seen: Observations) -> list[BoolArray]:
+    """For each plane, (N,) bool: which of the features that are on no plane lie in the Voronoi cells of its own."""
     owner = np.full(len(seen.reference_px), -1)
     for k, plane in enumerate(planes):
         owner[plane.member] = k
     lost, kept = np.flatnonzero(owner < 0), np.flatnonzero(owner >= 0)
     beside = owner[kept][_nearest(seen.reference_px[lost], seen.reference_px[kept])]
-    return [lost[beside == k] for k in range(len(planes))]
+    owner[kept] = -1
+    owner[lost] = beside
+    return [owner == k for k in range(len(planes))]
 
 
 def _nearest(points: FloatArray, others: FloatArray) -> IdArray:

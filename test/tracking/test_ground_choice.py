@@ -1,0 +1,64 @@
+"""Which plane is the ground, by cues on motions that are known exactly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stab_ros.core.geometry import shift
+from stab_ros.core.types import BoolArray, FloatArray
+from stab_ros.tracking.ground_choice import Observations, choose_ground
+from stab_ros.tracking.planes import Plane
+
+SIZE, FRAMES = (320, 240), 25
+ELAPSED_S = np.arange(1, FRAMES + 1) / 25
+LATTICE_PX = np.stack(np.meshgrid(np.arange(10.0, 311, 10), np.arange(10.0, 231, 10)), -1).reshape(-1, 2)
+
+
+def observed() -> Observations:
+    return Observations(LATTICE_PX, np.ones(len(LATTICE_PX)), SIZE, ELAPSED_S)
+
+
+def moved(member: BoolArray, away_px: FloatArray, at_rest: bool = False) -> Plane:
+    """The plane of `member`, (N,) bool, that is (F, 2) px away from its place in the reference."""
+    return Plane(member, np.stack([shift(-x, -y) for x, y in away_px]), at_rest)
+
+
+def in_view(away_px: FloatArray) -> BoolArray:
+    """(N,) bool: the features that do not leave the picture, if they move so."""
+    at_px = LATTICE_PX + away_px[:, None]
+    return np.asarray(np.all((at_px >= 10) & (at_px <= (310, 230)), axis=(0, 2)))
+
+
+def test_what_has_left_the_picture_is_not_lost() -> None:
+    """A gust blows rigid water and a narrow bank out of view; nearest to what is left of the bank was water."""
+    sway_px = 6 * np.sin(2 * np.pi * 1.3 * ELAPSED_S)
+    of_bank_px = np.stack([-50 * ELAPSED_S, sway_px], -1)
+    of_water_px = of_bank_px + ELAPSED_S[:, None] * np.array([220.0, -120.0])
+    bank = (LATTICE_PX[:, 0] < 90) & (LATTICE_PX[:, 1] < 60)
+    water = moved(~bank & in_view(of_water_px), of_water_px)
+    ground = moved(bank & in_view(of_bank_px), of_bank_px)
+    choice = choose_ground([water, ground], observed())
+    assert choice.ground is ground or [other.plane for other in choice.others] == [ground]
+
+
+@pytest.mark.parametrize("share", [0.05, 0.1, 0.2])
+def test_what_the_scene_draws_along_is_fixed_to_the_camera(share: float) -> None:
+    """Dirt hides most of the picture; the camera hovers so well that the scene hardly sways."""
+    of_scene_px = np.stack([2.6 * ELAPSED_S + 0.2 * np.sin(9 * ELAPSED_S), -1.4 * ELAPSED_S], -1)
+    shown = np.arange(len(LATTICE_PX)) % 4 == 0
+    dirt = moved(~shown, share * of_scene_px, at_rest=True)
+    scene = moved(shown, of_scene_px)
+    choice = choose_ground([dirt, scene], observed())
+    assert choice.ground is scene or [other.plane for other in choice.others] == [scene]
+
+
+@pytest.mark.parametrize("of_camera_px", [(0.0, 0.0), (0.2, 0.3), (-0.25, 0.1)])
+def test_water_draws_no_camera_along(of_camera_px: tuple[float, float]) -> None:
+    """A camera that hovers over two banks beside a river that moves as one."""
+    of_water_px = ELAPSED_S[:, None] * np.array([2.6, -1.4])
+    river = np.abs(LATTICE_PX[:, 1] - 120) < 60
+    banks = moved(~river, ELAPSED_S[:, None] * np.array(of_camera_px), at_rest=True)
+    choice = choose_ground([moved(river, of_water_px), banks], observed())
+    assert choice.ground is banks
+    assert choice.others == ()
