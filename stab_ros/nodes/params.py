@@ -105,13 +105,17 @@ class ParameterUpdates:
         node.add_on_set_parameters_callback(self._apply)
 
     def _as_declared(self, changed: list[RosParameter]) -> list[RosParameter]:
-        """Integers that were given for floats, as by `ros2 param set ... 1`, as floats."""
-        return [RosParameter(one.name, value=float(one.value)) if self._is_float_as_int(one) else one
-                for one in changed]
+        """Integers that were given for floats, as by `ros2 param set ... 1`, as floats, and lists for text as text."""
+        return [self._of_its_type(one) for one in changed]
 
-    def _is_float_as_int(self, one: RosParameter) -> bool:
+    def _of_its_type(self, one: RosParameter) -> RosParameter:
         declared = self._table.get(one.name)
-        return declared is not None and isinstance(declared.default, float) and type(one.value) is int
+        if declared is None:
+            return one
+        try:
+            return RosParameter(one.name, value=checked(one.name, one.value, declared.default, Range("")))
+        except ConfigError:  # rclpy says what its type must be
+            return one
 
     def _apply(self, changed: list[RosParameter]) -> SetParametersResult:
         try:
