@@ -92,7 +92,7 @@ def _list_of(text: str) -> list[Any]:
 def _polygons_in(listed: list[Any]) -> list[Any]:
     """The polygons of a list of them, or the only one: of its corners, or of their x and y in turn."""
     if len(listed) == 2 and _are_numbers(listed):
-        raise ValueError(f"of {listed} no polygon can be made: ROS keeps the last row of nested lists where they are not "
+        raise ValueError(f"of {listed} no polygon can be made: ROS keeps the last row of nested lists that are not "
                          "text, give them in quotes as \"'[[[x, y], ...], ...]'\"")
     of_one = listed and (_are_numbers(listed) or all(_are_numbers(one) and len(one) == 2 for one in listed))
     return [listed] if of_one else listed

@@ -27,14 +27,17 @@ def with_lists_as_text(words: Sequence[str], folder: Path) -> list[str]:
     told, of_ros, before = list[str](), False, ""
     for number, word in enumerate(words):
         of_ros = word == "--ros-args" or (of_ros and word != "--")
-        if of_ros and before in _PARAMETER:
-            name, separator, value = word.partition(":=")
-            word = f"{name}{separator}{lists_as_text(value)}"
-        elif of_ros and before == _FILE:
-            word = _rewritten(word, folder / str(number))
-        told.append(word)
-        before = words[number]
+        told.append(_told(before, word, folder / str(number)) if of_ros else word)
+        before = word
     return told
+
+
+def _told(before: str, word: str, folder: Path) -> str:
+    """A word behind another one."""
+    if before in _PARAMETER:
+        name, separator, value = word.partition(":=")
+        return f"{name}{separator}{lists_as_text(value)}"
+    return _rewritten(word, folder) if before == _FILE else word
 
 
 def lists_as_text(text: str) -> str:

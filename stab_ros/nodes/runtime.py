@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import ParameterDescriptor, ParameterType
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
@@ -22,6 +23,7 @@ from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
 from stab_ros.core.errors import ConfigError, InputError
@@ -37,10 +39,13 @@ from stab_ros.nodes.diagnostic_status import DiagnosticStatus
 from stab_ros.nodes.free_time import FreeTime
 from stab_ros.nodes.nested_lists import with_lists_as_text
 from stab_ros.nodes.parameter_files import files_for_others
+from stab_ros.nodes.qos_overrides import check_overrides, overridden, unused_overrides
 from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.stopping import StopRequest, end_at_once
 from stab_ros.nodes.transport import use_profile
 
+_UNUSED_S = 5.0  # after which it is told that nothing uses an override of a quality of service
+_SIM_TIME = "Whether the time of diagnostics and recordings is that of /clock; results are timed by header stamps"
 _NO_CLOCK = "use_sim_time is set, but nobody publishes /clock; the time is zero until somebody does"
 
 
@@ -60,8 +65,18 @@ class StabNode(Node):
             raise ConfigError(f"a parameter was given an empty value, it must be left out instead ({error})") from error
         except RuntimeError as error:  # rclpy's RCLError, as where security is asked for and cannot be had
             raise InputError(f"the node cannot be made: {str(error).split(', at ')[0]}") from error
+        self.set_descriptor("use_sim_time",
+                            ParameterDescriptor(type=ParameterType.PARAMETER_BOOL, description=_SIM_TIME))
         self.stop, self.free = StopRequest(), FreeTime()
-        self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, DIAGNOSTICS_TOPIC, 10)
+        for line in check_overrides(self):
+            self.get_logger().warning(line)
+        topic = self.resolve_topic_name(DIAGNOSTICS_TOPIC)
+        qos, overriding = overridden(self, "publisher", topic, QoSProfile(depth=10))
+        self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, DIAGNOSTICS_TOPIC, qos,
+                                                             qos_overriding_options=overriding)
+        self._told_unused: set[str] = set()
+        if unused_overrides(self):
+            self.create_steady_timer(_UNUSED_S, self._tell_unused)
 
     def on_compilation(self, progress: Compilation) -> None:
         """Called repeatedly while kernels are compiled."""
@@ -81,6 +96,13 @@ class StabNode(Node):
     def create_steady_timer(self, period_s: float, callback: Callable[[], None]) -> None:
         """A timer on the monotonic clock, which runs also while simulated time stands still."""
         self.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _tell_unused(self) -> None:
+        """What was meant for a publisher or subscription that is not there; some come later than others."""
+        for name, line in unused_overrides(self).items():
+            if name not in self._told_unused:
+                self._told_unused.add(name)
+                self.get_logger().warning(line)
 
     def publish_diagnostics(self, status: DiagnosticStatus) -> None:
         """One status on /diagnostics, named as the node and with its namespace as hardware_id."""

@@ -19,7 +19,7 @@ NESTED = st.lists(st.lists(st.lists(NUMBERS, min_size=2, max_size=2), min_size=1
 
 
 @given(value=NESTED, before=NUMBERS, flow=st.sampled_from([True, False, None]))
-def test_nested_lists_become_the_json_of_themselves_in_every_style(value: Any, before: float, flow: bool | None) -> None:
+def test_nested_lists_become_their_json_in_every_style(value: Any, before: float, flow: bool | None) -> None:
     tree = {"/**": {"ros__parameters": {"a": before, "exclude": value, "z": "last"}}}
     told = yaml.safe_load(lists_as_text(yaml.safe_dump(tree, default_flow_style=flow, sort_keys=False)))
     parameters = told["/**"]["ros__parameters"]

@@ -1,4 +1,4 @@
-"""Lists of lists as parameters: every form that README shows, taken from it, at the commands, nodes and launch files."""
+"""Lists of lists as parameters: every form that README shows, taken from it, for commands, nodes and launch files."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_the_words_of_readme_for_a_launch_file(graph: Graph) -> None:
     package, file, *given = words_of("ros2 launch")
     assert package == "stab_ros"
     (node,) = started(ROOT / "launch" / file, **dict(one.split(":=") for one in given))
-    assert taken(graph, *node.ros_arguments[1:], "-r", "__ns:=/")
+    assert taken(graph, *node.ros_arguments[1:], name="camera/tracker_node")
 
 
 def test_a_launch_file_leaves_the_regions_of_its_config(tmp_path: Path) -> None:
@@ -103,10 +103,13 @@ def test_the_words_and_the_file_of_readme_for_a_command(
     assert len(read_homographies(tmp_path / "0.csv")) == 3
 
 
+FLAT = [number for corner in POLYGON for number in corner]
+
+
 @pytest.mark.parametrize("value", [
     ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=json.dumps([POLYGON])),  # of `ros2 param set`
-    ParameterValue(type=ParameterType.PARAMETER_INTEGER_ARRAY, integer_array_value=sum(POLYGON, [])),
-    ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=[float(x) for x in sum(POLYGON, [])]),
+    ParameterValue(type=ParameterType.PARAMETER_INTEGER_ARRAY, integer_array_value=FLAT),
+    ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=[*map(float, FLAT)]),
     ParameterValue(type=ParameterType.PARAMETER_STRING_ARRAY, string_array_value=[json.dumps(POLYGON)]),
 ])
 def test_lists_that_are_set_at_run_time(value: Any, graph: Graph) -> None:
@@ -125,9 +128,14 @@ def test_lists_that_are_set_at_run_time(value: Any, graph: Graph) -> None:
     ("velocimetry_node", "roi", [POLYGON]), ("georeference_node", "extent", [0, 0, 10.5, 20]),
     ("georeference_node", "origin", [46.5, 8, 500]),
 ])
-def test_every_parameter_that_is_a_list_takes_one(graph: Graph, tmp_path: Path, node: str, name: str, value: Any) -> None:
+def test_every_parameter_that_is_a_list_takes_one(
+    graph: Graph, tmp_path: Path, node: str, name: str, value: Any
+) -> None:
     config = tmp_path / "my.yaml"
-    config.write_text(yaml.safe_dump({"/**": {"ros__parameters": {name: value}}}))
+    others = {"method": "klt"} if name == "manual_points" else {}
+    if node == "georeference_node":
+        others = {"orientation": "dynamic_stabilization", "height_m": 30.0}
+    config.write_text(yaml.safe_dump({"/**": {"ros__parameters": {name: value, **others}}}))
     process = graph.run(node, ["--ros-args", "--params-file", str(config)])
     graph.until(lambda: "ready" in process.log or process.process.poll() is not None, "the node ready")
     assert process.process.poll() is None, process.log
