@@ -118,8 +118,11 @@ class ParameterUpdates:
             return one
 
     def _apply(self, changed: list[RosParameter]) -> SetParametersResult:
+        ours = {one.name: one.value for one in changed if one.name in self._table}
+        if not ours:  # as where rclpy declares the quality of service of a new subscription
+            return SetParametersResult(successful=True)
         try:
-            self._take({one.name: one.value for one in changed if one.name in self._table})
+            self._take(ours)
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

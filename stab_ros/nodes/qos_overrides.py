@@ -50,7 +50,7 @@ def check_overrides(node: Node) -> Iterator[str]:
     for name in _unused(node):
         known = _NAME.fullmatch(name)
         if known is None or known["policy"] not in _allowed(known["entity"]):
-            meant = did_you_mean(name.rpartition(".")[2], _POLICIES)
+            meant = _meant(name)
             must = f"{meant} It must" if meant else "it must"
             yield (f"parameter {name} is unknown and has no effect; {must} be {PREFIX}/TOPIC.publisher.POLICY or "
                    f"{PREFIX}/TOPIC.subscription.POLICY, with one of {', '.join(_POLICIES)}")
@@ -90,6 +90,13 @@ def overridden(node: Node, entity: Entity, topic: str, qos: QoSProfile) -> tuple
         if not _is_used(node, name):
             node.undeclare_parameter(name)  # for rclpy to declare it anew, with a description
     return chosen, QoSOverridingOptions([_POLICIES[policy] for policy in dict.fromkeys((*_SHOWN[entity], *given))])
+
+
+def _meant(name: str) -> str:
+    """A question about the part of a name that is none of rclpy's."""
+    parts = name.removeprefix(PREFIX).rsplit(".", 2)[1:]
+    wrong = [(part, known) for part, known in zip(parts, (_SHOWN, _POLICIES), strict=False) if part not in known]
+    return did_you_mean(*wrong[0]) if wrong else ""
 
 
 def _allowed(entity: str) -> list[str]:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,10 @@ def running(graph: Graph, name: str, *arguments: str) -> Iterator[None]:
             process.send_signal(signal.SIGINT)
             _, errors = process.communicate(timeout=60)
     assert "Traceback" not in errors, errors
+
+
+def _told(answers: list[Any], of_ns: int) -> bool:
+    return bool(answers) and stamp_ns(answers[-1]) == of_ns
 
 
 def publish(images: Any, flight: Flight) -> None:
@@ -100,10 +105,10 @@ def test_pairs_by_stamp(
     with running(graph, "pair_by_stamp.py", *(word for one in parameters for word in ("-p", one))):
         images = graph.speak(Image, "/image_raw", 300)
         graph.until(lambda: images.get_subscription_count() == 2, "the tracker and the pairing node")
-        for number, shot in enumerate(flight):
+        for shot in flight:
             images.publish(image_message(shot.image, shot.stamp_ns))
             if tracker:  # as a camera that is no faster than the tracker
-                graph.until(lambda number=number: len(answers) > number, "an answer")
+                graph.until(partial(_told, answers, shot.stamp_ns), "its answer")
         graph.until(lambda: len(answers) == FRAMES and pairs and pairs[-1].data >= fewest, "every frame answered")
     assert fewest <= pairs[-1].data <= most
 

@@ -32,15 +32,16 @@ TYPES = {bool: 1, int: 2, float: 3, str: 4}
 OF_ROS = {"use_sim_time", "start_type_description_service"}
 
 
-def needed(node: str, folder: Path, recordings: Mapping[str, Path]) -> dict[str, object]:
+def needed(node: str, folder: Path, recordings: Mapping[str, Path]) -> dict[str, Any]:
     """What a node does not start without."""
     (folder / "section.csv").write_text(SECTION)
-    return {
+    given: dict[str, dict[str, Any]] = {
         "georeference_node": {"orientation": "dynamic_stabilization", "height_m": 30.0},
         "discharge_node": {"section_file": str(folder / "section.csv"), "wse_m": 9.5},
         "bag_player_node": {"bag": str(recordings["mcap"]), "wait_for_subscribers": 1000},
         "bag_recorder_node": {"output": str(folder / "out.mcap")},
-    }.get(node, {})
+    }
+    return given.get(node, {})
 
 
 def described(graph: Graph, node: str) -> dict[str, ParameterDescriptor]:

@@ -93,7 +93,8 @@ def test_the_words_and_the_file_of_readme_for_a_command(
     config = tmp_path / "my.yaml"
     config.write_text(yaml_of_readme())
     tables = []
-    for number, given in enumerate([words, ["--config", config], ["-p", f"exclude:={shorter_forms()[1]}"], []]):
+    forms: list[list[str]] = [words, ["--config", str(config)], ["-p", f"exclude:={shorter_forms()[1]}"], []]
+    for number, given in enumerate(forms):
         table = tmp_path / f"{number}.csv"
         done = executable(command, recordings["mcap"], tmp_path / "out.mcap", "--force", "--no-image", "--limit", 3,
                           "--homographies", table, *given)
@@ -132,7 +133,7 @@ def test_every_parameter_that_is_a_list_takes_one(
     graph: Graph, tmp_path: Path, node: str, name: str, value: Any
 ) -> None:
     config = tmp_path / "my.yaml"
-    others = {"method": "klt"} if name == "manual_points" else {}
+    others: dict[str, Any] = {"method": "klt"} if name == "manual_points" else {}
     if node == "georeference_node":
         others = {"orientation": "dynamic_stabilization", "height_m": 30.0}
     config.write_text(yaml.safe_dump({"/**": {"ros__parameters": {name: value, **others}}}))

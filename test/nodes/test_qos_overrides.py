@@ -34,7 +34,9 @@ def test_overrides_hold_for_publishers_and_subscriptions(graph: Graph, tmp_path:
 
     def published(topic: str) -> QoSProfile:
         graph.until(lambda: graph.node.get_publishers_info_by_topic(topic), f"a publisher of {topic}")
-        return graph.node.get_publishers_info_by_topic(topic)[0].qos_profile
+        (publisher,) = graph.node.get_publishers_info_by_topic(topic)
+        offered: QoSProfile = publisher.qos_profile
+        return offered
 
     assert published("/cam/homography").reliability == BEST_EFFORT
     assert published("/diagnostics").reliability == BEST_EFFORT
@@ -93,7 +95,8 @@ def test_what_nothing_uses_is_told_with_the_nearest_name(graph: Graph, tmp_path:
     for name, meant in [
         ("metod", "did you mean method or model?"), ("exlude", "did you mean exclude?"),
         ("qos_overrides./homography.publisher.dept", "did you mean depth?"),
-        ("qos_overrides./homography.publsher.depth", "it must be qos_overrides./TOPIC.publisher.POLICY"),
+        ("qos_overrides./homography.publsher.depth",
+         "did you mean publisher? It must be qos_overrides./TOPIC.publisher.POLICY"),
         ("qos_overrides./homografy.publisher.depth", "did you mean qos_overrides./homography.publisher.depth"),
     ]:
         (line,) = [one for one in said if f"parameter {name} " in one]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,10 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import CameraInfo, Image
 
 from stab_ros.nodes.qos import LATCHED
+
+
+def _holds(heard: Sequence[object], count: int) -> bool:
+    return len(heard) == count
 
 
 def test_the_shipped_file_holds_and_another_one_says_that_it_does_not(graph: Graph, tmp_path: Path) -> None:
@@ -41,7 +47,7 @@ def test_the_reference_of_a_renamed_tracker_is_found(graph: Graph) -> None:
     graph.until(lambda: graph.node.count_subscribers("/cam/stabiliser/reference_image") == 2, "the evaluator there")
     for number in (1, 2):
         images.publish(image_message(shot(number).image, shot(number).stamp_ns))
-        graph.until(lambda number=number: len(heard) == number, "a frame measured")
+        graph.until(partial(_holds, heard, number), "a frame measured")
     assert float(values_of(heard[0])["displacement_reference_px"]) > 0  # the reference itself has 0 to itself
     assert "nobody publishes" not in evaluator.log
 
