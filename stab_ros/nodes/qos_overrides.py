@@ -94,9 +94,9 @@ def overridden(node: Node, entity: Entity, topic: str, qos: QoSProfile) -> tuple
 
 def _meant(name: str) -> str:
     """A question about the part of a name that is none of rclpy's."""
-    parts = name.removeprefix(PREFIX).rsplit(".", 2)[1:]
-    wrong = [(part, known) for part, known in zip(parts, (_SHOWN, _POLICIES), strict=False) if part not in known]
-    return did_you_mean(*wrong[0]) if wrong else ""
+    _, *parts = name.removeprefix(PREFIX).rsplit(".", 2)
+    known = ([*_SHOWN], [*_POLICIES])
+    return next((did_you_mean(part, right) for part, right in zip(parts, known, strict=False) if part not in right), "")
 
 
 def _allowed(entity: str) -> list[str]:

@@ -133,7 +133,7 @@ def test_every_parameter_that_is_a_list_takes_one(
     graph: Graph, tmp_path: Path, node: str, name: str, value: Any
 ) -> None:
     config = tmp_path / "my.yaml"
-    others: dict[str, Any] = {"method": "klt"} if name == "manual_points" else {}
+    others: dict[str, Any] = {"method": "klt", "min_inliers": 4} if name == "manual_points" else {}
     if node == "georeference_node":
         others = {"orientation": "dynamic_stabilization", "height_m": 30.0}
     config.write_text(yaml.safe_dump({"/**": {"ros__parameters": {name: value, **others}}}))

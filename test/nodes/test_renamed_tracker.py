@@ -73,7 +73,7 @@ def test_a_remapped_reference_is_taken_from_there(graph: Graph) -> None:
 def test_tracks_of_a_renamed_tracker_reach_georeferencing(graph: Graph) -> None:
     graph.start("tracker_node", remap={"__node": "stabiliser"}, queue_depth=0, start_s=0.0, wait_for_subscribers=1)
     heard = graph.listen(DiagnosticArray, "/georeference_node/status")
-    graph.start("georeference_node", orientation="dynamic_stabilization", height_m=25.0, queue_depth=0,
+    graph.start("georeference_node", orientation="dynamic_stabilization", gsd_m=0.05, queue_depth=0,
                 use_camera_info=False)
     images = graph.node.create_publisher(Image, "/image_raw", QoSProfile(depth=10))
     graph.until(lambda: images.get_subscription_count() == 2, "both nodes taking images")
