@@ -3,6 +3,7 @@
 ros2 launch stab_ros discharge.launch.py section:=section.csv namespace:=/camera config:=my_velocimetry.yaml
     [discharge_config:=my.yaml] [image:=/camera/image_raw] [fix:=/mavros/global_position/global] [imu:=/mavros/imu/data]
     [gimbal:=/gimbal/attitude] [water_level:=/gauge/level]
+    [roi:='[[[0,130],[960,150],[960,420],[0,410]]]'] [exclude:=bridge.json] [lines:='[[[0,0],[10.5,2]]]']
 """
 
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
@@ -16,7 +17,8 @@ from launch import LaunchDescription
 _TOPICS = {"image": "image_raw", "camera_info": "camera_info", "fix": "fix", "imu": "imu", "gimbal": "gimbal",
            "water_level": "water_level"}
 # an included file sets its arguments in the file that includes it, so that they have the same names in both
-_OF_VELOCIMETRY = ("namespace", "config", "tracker_config", *_TOPICS)
+_LISTS = {"roi": "Region in which velocities are wanted", "exclude": "Region to leave out", "lines": "Lines of stiv"}
+_OF_VELOCIMETRY = ("namespace", "config", "tracker_config", *_TOPICS, *_LISTS)
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -47,6 +49,8 @@ def generate_launch_description() -> LaunchDescription:
           for name, (file, node) in configs.items()),
         *(DeclareLaunchArgument(name, default_value=topic, description=f"Topic in place of {topic}")
           for name, topic in _TOPICS.items()),
+        *(DeclareLaunchArgument(name, default_value="", description=f"{meaning}, as in velocimetry.launch.py")
+          for name, meaning in _LISTS.items()),
         velocimetry,
         discharge,
     ])

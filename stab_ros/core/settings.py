@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-from collections.abc import Iterable, Iterator
+import json
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -42,8 +43,10 @@ def settings_of(config: Any) -> Iterator[tuple[str, Value, Range]]:
             yield item.name, default, item.metadata["range"]
 
 
-def checked(name: str, value: Value, default: Value, limits: Range) -> Value:
+def checked(name: str, value: object, default: Value, limits: Range) -> Value:
     """`value` converted to the type of `default`, after a check against `limits`.
+
+    A list is the JSON of it where the parameter is text, as polygons are.
 
     Raises:
         ConfigError: wrong type, out of range, or not one of the choices.
@@ -52,7 +55,9 @@ def checked(name: str, value: Value, default: Value, limits: Range) -> Value:
         value = float(value)
     if isinstance(default, str) and type(value) is int and not limits.choices:
         value = str(value)  # `passes:=21` is a whole number to YAML
-    if type(value) is not type(default):
+    if isinstance(default, str) and not isinstance(value, str) and isinstance(value, Sequence) and not limits.choices:
+        value = _json_of(value)
+    if not isinstance(value, type(default)) or type(value) is not type(default):
         raise ConfigError(f"{name}: {value!r} is a {type(value).__name__}, it must be a {type(default).__name__}")
     if limits.choices and value not in limits.choices:
         meant = did_you_mean(str(value), limits.choices)
@@ -64,6 +69,13 @@ def checked(name: str, value: Value, default: Value, limits: Range) -> Value:
         if not low <= value <= high:  # also refuses NaN
             raise ConfigError(f"{name}: {value!r} is out of range, it must lie in [{low:g}, {high:g}]")
     return value
+
+
+def _json_of(values: Sequence[object]) -> str:
+    """Strings in a list are JSON themselves, as those of a ROS parameter that holds one polygon in each."""
+    if values and all(isinstance(value, str) for value in values):
+        return f"[{', '.join(map(str, values))}]"
+    return json.dumps(list(values), default=str)
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

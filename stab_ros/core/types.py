@@ -44,6 +44,7 @@ class LostReason(Enum):
     INTERNAL = "internal error"  # of the tracker itself
     UNUSABLE = "unusable image"  # it cannot be decoded, or does not fit the stream
     UNANSWERED = "no answer"  # it was never tracked, so nothing is known of it
+    STARTING = "start under way"  # a node was to answer at once, before the ground is chosen
     NO_TEXTURE = "no texture"
     NO_FEATURES = "no features found"
     FEW_INLIERS = "too few inliers"

@@ -21,6 +21,8 @@ _TO_TRY: Mapping[LostReason, str] = MappingProxyType({
                          "damaged bag",
     LostReason.INTERNAL: "this is a bug of stab_ros, which the log describes; please report it",
     LostReason.UNANSWERED: "see whether the tracker was running, and what it logged",
+    LostReason.STARTING: "the ground is chosen from the frames of the first start_s; set answer_start:=late to have "
+                         "them answered then, or name the ground in roi or exclude",
     LostReason.NO_TEXTURE: "the picture is flat, dark, covered or out of focus; see to exposure, focus and lens, or "
                            "leave that part of the recording out",
     LostReason.NO_FEATURES: "nothing of the reference is recognised; set reference:=keyframe where the view leaves the "

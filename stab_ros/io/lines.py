@@ -20,7 +20,8 @@ def read_lines(values: Mapping[str, Value]) -> tuple[FloatArray, ...]:
     """Reads the parameter `lines`.
 
     Args:
-        values: parameters by name; `lines` is JSON `[[[x, y], [x, y]], ...]`, or the path of such a file.
+        values: parameters by name; `lines` is JSON `[[[x, y], [x, y]], ...]`, or with the x and y of lines in turn,
+            `[x, y, x, y, ...]`, or the path of such a file.
 
     Returns:
         The two ends, (2, 2), of each line.
@@ -35,7 +36,7 @@ def read_lines(values: Mapping[str, Value]) -> tuple[FloatArray, ...]:
     try:
         if not text.startswith("["):
             text = Path(text).read_text(encoding="utf-8-sig")[:_MAX_TEXT]
-        lines = np.array(json.loads(text), float)
+        lines = _ends(np.array(json.loads(text), float))
     except OSError as error:
         raise InputError(f"lines: {where} cannot be read ({error.strerror}), it must be a .json of lines") from error
     except (ValueError, TypeError, OverflowError, RecursionError) as error:
@@ -45,3 +46,9 @@ def read_lines(values: Mapping[str, Value]) -> tuple[FloatArray, ...]:
     if not (np.ptp(lines, axis=1).max(axis=1) > 0).all():
         raise InputError(f"lines: {where} holds a line whose ends are the same point")
     return tuple(lines)
+
+
+def _ends(listed: FloatArray) -> FloatArray:
+    """(n, 2, 2) ends of n lines, of which a list holds the x and y in turn; another list as it is."""
+    in_turn = listed.ndim == 1 or listed.shape == (2, 2)
+    return listed.reshape(-1, 2, 2) if in_turn and listed.size % 4 == 0 else listed

@@ -1,4 +1,4 @@
-"""Reads `roi` and `exclude`: JSON text, a .json file of polygons, or a PNG mask."""
+"""Reads `roi` and `exclude`: polygons as JSON text or in a .json file, or a PNG mask."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ import numpy as np
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.region import Area, Region
 from stab_ros.core.settings import Value
+from stab_ros.core.types import FloatArray
 from stab_ros.io.compressed_image import MAX_DECODED, decode_file
 
+_FORMS = "[[[x, y], ...], ...], [[x, y], ...] or [x, y, x, y, ...]"
 _MAX_CORNERS = 2000  # of all polygons: whether sides cross is asked of every pair
 _MAX_TEXT = 2**20  # characters
 
@@ -22,8 +24,8 @@ def read_area(values: Mapping[str, Value]) -> Area:
     """Reads the parameters `roi` and `exclude`.
 
     Args:
-        values: parameters by name; each of the two is JSON `[[[x, y], ...], ...]`, or the path of such a .json file or
-            of a PNG mask.
+        values: parameters by name; each of the two is JSON, `[[[x, y], ...], ...]`, of one polygon `[[x, y], ...]` or
+            `[x, y, x, y, ...]`, or the path of such a .json file or of a PNG mask.
 
     Returns:
         The area that they leave.
@@ -67,9 +69,9 @@ def _polygons(name: str, text: str, where: str) -> Region:
     if len(text) > _MAX_TEXT:
         raise InputError(f"{name}: {where} has more than {_MAX_TEXT} characters, use a PNG mask for so fine a region")
     try:
-        polygons = tuple(np.array(polygon, dtype=np.float64) for polygon in _list_of(text))
+        polygons = tuple(_corners(polygon) for polygon in _polygons_in(_list_of(text)))
     except (ValueError, TypeError, OverflowError, RecursionError) as error:
-        raise InputError(f"{name}: {where} must be JSON [[[x, y], ...], ...] ({error})") from error
+        raise InputError(f"{name}: {where} must be JSON {_FORMS} ({error})") from error
     if not polygons:
         raise InputError(f"{name}: {where} holds no polygon, it must hold at least one [[x, y], ...]")
     corners = sum(polygon.shape[0] for polygon in polygons if polygon.ndim)
@@ -85,6 +87,27 @@ def _list_of(text: str) -> list[Any]:
     if not isinstance(listed, list):
         raise ValueError("it is an object, as GeoJSON is" if isinstance(listed, dict) else "it is no list")
     return listed
+
+
+def _polygons_in(listed: list[Any]) -> list[Any]:
+    """The polygons of a list of them, or the only one: of its corners, or of their x and y in turn."""
+    if len(listed) == 2 and _are_numbers(listed):
+        raise ValueError(f"of {listed} no polygon can be made: ROS keeps the last row of nested lists that are not "
+                         "text, give them in quotes as \"'[[[x, y], ...], ...]'\"")
+    of_one = listed and (_are_numbers(listed) or all(_are_numbers(one) and len(one) == 2 for one in listed))
+    return [listed] if of_one else listed
+
+
+def _are_numbers(listed: object) -> bool:
+    return isinstance(listed, list) and all(isinstance(one, (int, float)) for one in listed)
+
+
+def _corners(polygon: Any) -> FloatArray:
+    """(n, 2) corners; other shapes are judged by `Region`."""
+    corners = np.array(polygon, dtype=np.float64)
+    if corners.ndim == 1 and corners.size % 2:
+        raise ValueError(f"{corners.size} numbers are no pairs of x and y")
+    return corners.reshape(-1, 2) if corners.ndim == 1 else corners
 
 
 def _mask(name: str, path: Path) -> Region:

@@ -84,7 +84,7 @@ class FftConfig(Checked):
 
 def _whole_numbers(name: str, text: str) -> tuple[int, ...]:
     try:
-        return tuple(int(part) for part in text.split(","))
+        return tuple(int(part) for part in text.strip(" []").split(","))
     except ValueError as error:
         raise ConfigError(f"{name}: {text!r}, it must be whole numbers with commas between, as 32,16") from error
 

@@ -57,7 +57,7 @@ class KltConfig(Checked):
     @property
     def blocks(self) -> tuple[int, ...]:
         """Window sides of the passes, px; empty if `passes` is not a list of whole numbers."""
-        words = self.passes.split(",")
+        words = self.passes.strip(" []").split(",")
         return tuple(map(int, words)) if all(word.strip().isdecimal() for word in words) else ()
 
 

@@ -9,6 +9,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from stab_ros.nodes.managed_node import StabNode
 from stab_ros.nodes.qos import publisher_events
+from stab_ros.nodes.qos_overrides import overridden
 
 _STEP = Duration(nanoseconds=100_000_000)
 _PATIENCE = 300  # steps without an acknowledgement: DDS itself drops a process that was killed or stopped after 20 s
@@ -23,9 +24,10 @@ class CdrPublisher:
 
     def __init__(self, node: StabNode, msg_class: Any, topic: str, qos: QoSProfile, lossless: bool = False) -> None:
         self._node = node
-        self._publisher = node.create_publisher(
-            msg_class, topic, qos, event_callbacks=publisher_events(node, node.resolve_topic_name(topic)))
-        self._qos = qos
+        full_name = node.resolve_topic_name(topic)
+        self._qos, overriding = overridden(node, "publisher", full_name, qos)
+        self._publisher = node.create_publisher(msg_class, topic, self._qos, qos_overriding_options=overriding,
+                                                event_callbacks=publisher_events(node, full_name))
         self._lossless = lossless
         self._pending = 0  # upper bound of the messages that are not acknowledged
         self._hung_subscribers = 0  # number of subscribers when `flush` gave up on them

@@ -15,8 +15,9 @@ from stab_ros.io.camera_message import read_size
 from stab_ros.io.cdr import IMAGE
 from stab_ros.io.homography_message import read_homography
 from stab_ros.io.image_message import read_image
-from stab_ros.io.topics import HOMOGRAPHY_TOPIC, REFERENCE_IMAGE_TOPIC, STABILIZED_TOPIC, TRACKER_NAME, topic_in
-from stab_ros.nodes.qos import AdaptiveSubscription, Choice, keep_all_offered, latest_latched
+from stab_ros.io.topics import HOMOGRAPHY_TOPIC, REFERENCE_IMAGE_TOPIC, STABILIZED_TOPIC
+from stab_ros.nodes.qos import AdaptiveSubscription, RawCallback, keep_all_offered, latest_latched
+from stab_ros.nodes.tracker_subscription import TrackerSubscription
 
 _FIX = "let it offer RELIABLE or BEST_EFFORT, VOLATILE or TRANSIENT_LOCAL"
 
@@ -44,33 +45,37 @@ class EvaluatorInputs:
         self.received = 0
         self._node, self._callbacks = node, callbacks
         self.image = self._subscribe(STABILIZED_TOPIC, Image, self._on_image)
-        self.reference = self._subscribe(topic_in(TRACKER_NAME, REFERENCE_IMAGE_TOPIC), Image, self._on_reference,
-                                         latest_latched)
+        self.reference = TrackerSubscription(
+            node, Image, REFERENCE_IMAGE_TOPIC, self._taking(lambda: self.reference.topic, self._on_reference),
+            latest_latched, "the first image is the reference")
         # the last one: a tracker that waits for subscribers of `homography` starts now
         self.homography = self._subscribe(HOMOGRAPHY_TOPIC, CameraInfo, self._on_homography)
 
     def refresh(self) -> None:
-        """Follows the publishers' QoS."""
-        for subscription in (self.image, self.reference, self.homography):
-            subscription.refresh()
+        """Follows the publishers; a reference is missed where images are published."""
+        self.image.refresh()
+        self.reference.refresh(needed=self.image.publishers > 0)
+        self.homography.refresh()
 
     def close(self) -> None:
         """Ends the subscriptions."""
         for subscription in (self.image, self.reference, self.homography):
             subscription.close()
 
-    def _subscribe(self, name: str, msg_class: Any, take: Callable[[bytes], None],
-                   choose: Choice = keep_all_offered) -> AdaptiveSubscription:
+    def _subscribe(self, name: str, msg_class: Any, take: Callable[[bytes], None]) -> AdaptiveSubscription:
         topic = self._node.resolve_topic_name(name)
+        return AdaptiveSubscription(self._node, msg_class, name, self._taking(lambda: topic, take), keep_all_offered,
+                                    _FIX)
 
+    def _taking(self, topic: Callable[[], str], take: Callable[[bytes], None]) -> RawCallback:
         def on_message(cdr: bytes, _info: Mapping[str, int]) -> None:
             self.received += 1
             try:
                 take(cdr)
             except MessageError as error:
-                self._callbacks.on_refused(f"{topic}: {error}")
+                self._callbacks.on_refused(f"{topic()}: {error}")
 
-        return AdaptiveSubscription(self._node, msg_class, name, on_message, choose, _FIX)
+        return on_message
 
     def _on_image(self, cdr: bytes) -> None:
         self._callbacks.on_image(without_colour(read_image(cdr, IMAGE)))

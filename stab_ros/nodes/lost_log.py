@@ -5,13 +5,16 @@ from __future__ import annotations
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from stab_ros.core.text import counted
-from stab_ros.core.types import Track
+from stab_ros.core.types import LostReason, Track
 from stab_ros.io.advice import to_try
 from stab_ros.nodes.throttled_warnings import ThrottledWarnings
 
 
 class LostLog:
-    """A warning for the first lost frame of a row, not for each; none where the last one was a moment ago."""
+    """A warning for the first lost frame of a row, not for each; none where the last one was a moment ago.
+
+    Frames of a start that are to be LOST are none.
+    """
 
     def __init__(self, logger: RcutilsLogger, warnings: ThrottledWarnings) -> None:
         self._logger, self._warnings = logger, warnings
@@ -22,6 +25,8 @@ class LostLog:
         """The answer to the next frame."""
         if track.lost_reason is None:
             self._found(track)
+            return
+        if track.lost_reason is LostReason.STARTING:
             return
         self._lost += 1
         if self._lost == 1:

@@ -17,13 +17,14 @@ from typing import Any, ClassVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState
-from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.msg import ParameterDescriptor, ParameterType, SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
 
 from stab_ros.core.errors import ConfigError, InputError, StabRosError, WorkError
 from stab_ros.core.kernels import Compilation, compile_kernels
@@ -34,11 +35,14 @@ from stab_ros.nodes import params
 from stab_ros.nodes.diagnostic_status import DiagnosticStatus
 from stab_ros.nodes.failures import Failures
 from stab_ros.nodes.free_time import FreeTime
+from stab_ros.nodes.qos_overrides import PREFIX, check_overrides, overridden, unused_overrides
 from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.stopping import StopRequest
 from stab_ros.parameters.node_settings import ManagedSettings
 
 _NO_CLOCK = "use_sim_time is set, but nobody publishes /clock; the time is zero until somebody does"
+_SIM_TIME = "Whether the time of diagnostics and recordings is that of /clock; results are timed by header stamps"
+_UNUSED_S = 5.0  # after which it is told that nothing uses an override of a quality of service
 _POLL_NS = SECOND_NS // 10
 _KINDS = ("timer", "subscription", "service", "client", "publisher")  # of entities, in the order they are destroyed
 
@@ -82,7 +86,17 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         self._refusal: StabRosError | None = None  # of the last transition
         self._closing: list[Callable[[], None]] = []
         self._before = _Made(self)  # what there was before `configure`
-        self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, DIAGNOSTICS_TOPIC, 10)
+        self.set_descriptor("use_sim_time",
+                            ParameterDescriptor(type=ParameterType.PARAMETER_BOOL, description=_SIM_TIME))
+        for line in check_overrides(self):
+            self.get_logger().warning(line)
+        topic = self.resolve_topic_name(DIAGNOSTICS_TOPIC)
+        qos, overriding = overridden(self, "publisher", topic, QoSProfile(depth=10))
+        self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, DIAGNOSTICS_TOPIC, qos,
+                                                             qos_overriding_options=overriding)
+        self._told_unused: set[str] = set()
+        if unused_overrides(self):
+            self.create_steady_timer(_UNUSED_S, self._tell_unused)
         self.autostart = self._starts = bool(params.declare(self, params.table_of(ManagedSettings))["autostart"])
         self.add_on_set_parameters_callback(self._refuse_unknown)
         self.create_steady_timer(1.0, self._report_state)
@@ -263,12 +277,19 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
             level = OK if self._refusal is None else WARN
             self.publish_diagnostics(DiagnosticStatus(level, str(self._refusal or ""), {}))
 
+    def _tell_unused(self) -> None:
+        """What was meant for a publisher or subscription that is not there; some come later than others."""
+        for name, line in unused_overrides(self).items():
+            if name not in self._told_unused:
+                self._told_unused.add(name)
+                self.get_logger().warning(line)
+
     def _refuse_unknown(self, changed: list[Parameter]) -> SetParametersResult:
         """Before `configure` nobody knows which parameters there are; after it, others have no effect."""
         for one in changed if self.is_configured else []:
             if one.type_ is Parameter.Type.NOT_SET:
                 return SetParametersResult(successful=False, reason=f"{one.name} cannot be taken away, set it instead")
-            if not (self.has_parameter(one.name) or one.name.startswith(params.QOS)):
+            if not (self.has_parameter(one.name) or one.name.startswith(PREFIX)):
                 known = list(self.get_parameters_by_prefix(""))
                 return SetParametersResult(successful=False, reason=params.unknown(one.name, known))
         return SetParametersResult(successful=True)

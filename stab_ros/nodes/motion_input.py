@@ -17,10 +17,11 @@ from stab_ros.georeferencing.placement import Motion
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.camera_message import read_corrected
 from stab_ros.io.homography_message import read_homography
-from stab_ros.io.topics import HOMOGRAPHY_TOPIC, TRACK_TOPIC, TRACKER_NAME, topic_in
+from stab_ros.io.topics import HOMOGRAPHY_TOPIC, TRACK_TOPIC
 from stab_ros.io.track_message import TrackValues, read_track
 from stab_ros.nodes.qos import AdaptiveSubscription, keep_all_offered
 from stab_ros.nodes.stamp_pairing import Pair, StampPairing
+from stab_ros.nodes.tracker_subscription import TrackerSubscription
 
 _FIX = "let it offer RELIABLE or BEST_EFFORT, VOLATILE or TRANSIENT_LOCAL"
 _WAITING = 1000  # homographies whose track has not come
@@ -50,8 +51,8 @@ class MotionInput:
         self._take, self._refused = take, refused
         self._alone = 0  # looks in a row at which homographies had come, and nobody published tracks
         self._pairing: StampPairing[Homography | None, TrackValues] = StampPairing(_WAITING)
-        self._track = AdaptiveSubscription(node, DiagnosticArray, topic_in(TRACKER_NAME, TRACK_TOPIC), self._on_track,
-                                           keep_all_offered, _FIX)
+        self._track = TrackerSubscription(node, DiagnosticArray, TRACK_TOPIC, self._on_track, keep_all_offered,
+                                          "homographies are taken without covariance and reset_counter")
         # the last one: a tracker that waits for subscribers of `homography` starts now
         self._homography = AdaptiveSubscription(node, CameraInfo, HOMOGRAPHY_TOPIC, self._on_homography,
                                                 keep_all_offered, _FIX)
@@ -65,7 +66,7 @@ class MotionInput:
     def refresh(self) -> None:
         """Follows the publishers' QoS."""
         self._homography.refresh()
-        self._track.refresh()
+        self._track.refresh(needed=self.received > 0)
         self._alone = 0 if self._track.publishers else self._alone + (self.received > 0)
         if self._alone >= _LOOKS:
             self.flush()

@@ -13,9 +13,9 @@ from rclpy.parameter import Parameter as RosParameter
 
 from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.settings import Range, Value, checked, did_you_mean
+from stab_ros.nodes.qos_overrides import PREFIX
 from stab_ros.parameters.table import Parameter, parameters_of
 
-QOS = "qos_overrides."
 _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "autostart")
 _LARGEST_INTEGER = 2**63 - 1
 
@@ -127,7 +127,7 @@ def describe(limits: Range, value: Value, read_only: bool) -> ParameterDescripto
 def warn_of_unknown(node: Node, known: Collection[str]) -> None:
     """Logs every override of a parameter that the node does not have, with similar names."""
     for name in node.get_parameters_by_prefix(""):
-        if name in known or name in _OF_EVERY_NODE or name.startswith(QOS):
+        if name in known or name in _OF_EVERY_NODE or name.startswith(PREFIX):
             continue
         node.get_logger().warning(unknown(name, known))
 
@@ -152,17 +152,24 @@ class ParameterUpdates:
         self._node.remove_on_set_parameters_callback(self._apply)
 
     def _as_declared(self, changed: list[RosParameter]) -> list[RosParameter]:
-        """Integers that were given for floats, as by `ros2 param set ... 1`, as floats."""
-        return [RosParameter(one.name, value=float(one.value)) if self._is_float_as_int(one) else one
-                for one in changed]
+        """Integers that were given for floats, as by `ros2 param set ... 1`, as floats, and lists for text as text."""
+        return [self._of_its_type(one) for one in changed]
 
-    def _is_float_as_int(self, one: RosParameter) -> bool:
+    def _of_its_type(self, one: RosParameter) -> RosParameter:
         declared = self._table.get(one.name)
-        return declared is not None and isinstance(declared.default, float) and type(one.value) is int
+        if declared is None:
+            return one
+        try:
+            return RosParameter(one.name, value=checked(one.name, one.value, declared.default, Range("")))
+        except ConfigError:  # rclpy says what its type must be
+            return one
 
     def _apply(self, changed: list[RosParameter]) -> SetParametersResult:
+        ours = {one.name: one.value for one in changed if one.name in self._table}
+        if not ours:  # as where rclpy declares the quality of service of a new subscription
+            return SetParametersResult(successful=True)
         try:
-            self._take({one.name: one.value for one in changed if one.name in self._table})
+            self._take(ours)
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

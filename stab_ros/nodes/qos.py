@@ -18,6 +18,8 @@ from rclpy.qos import (
 )
 from rclpy.subscription import Subscription
 
+from stab_ros.nodes.qos_overrides import overridden
+
 RawCallback: TypeAlias = Callable[[bytes, Mapping[str, int]], None]
 Choice: TypeAlias = Callable[[Sequence[QoSProfile]], QoSProfile]
 
@@ -84,14 +86,14 @@ class AdaptiveSubscription:
         self._foreign = ""  # what publishers of another type send
         offers = self._offers()
         self.publishers = len(offers)
-        self.qos = choose(offers)
+        self.qos = self._wanted(offers)
         self._subscription = self._subscribe()
 
     def refresh(self) -> None:
         """Adapts to the current publishers; to be called periodically."""
         offers = self._offers()
         self.publishers = len(offers)
-        wanted = self._choose(offers)
+        wanted = self._wanted(offers)
         if offers and (wanted.reliability, wanted.durability) != (self.qos.reliability, self.qos.durability):
             self.qos = wanted
             self._node.destroy_subscription(self._subscription)
@@ -116,11 +118,16 @@ class AdaptiveSubscription:
         self._foreign = foreign
         return [info.qos_profile for info in infos if info.topic_type == known]
 
+    def _wanted(self, offers: Sequence[QoSProfile]) -> QoSProfile:
+        """What suits the offers, unless the user overrides it."""
+        chosen, self._overriding = overridden(self._node, "subscription", self.topic, self._choose(offers))
+        return chosen
+
     def _subscribe(self) -> Subscription:
         callback: Any = self._callback  # rclpy's type lacks callbacks that take the message info
         events = SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible)
-        return self._node.create_subscription(
-            self._msg_class, self.topic, callback, self.qos, raw=True, event_callbacks=events)
+        return self._node.create_subscription(self._msg_class, self.topic, callback, self.qos, raw=True,
+                                              event_callbacks=events, qos_overriding_options=self._overriding)
 
     def _on_incompatible(self, event: Any) -> None:
         self._incompatible = policy_name(event.last_policy_kind)  # logged by `refresh`, unless it can adapt

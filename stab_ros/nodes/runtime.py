@@ -8,6 +8,8 @@ import re
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import rclpy
@@ -24,6 +26,8 @@ from stab_ros.jobs.compiling import not_kept
 from stab_ros.nodes import log_folder
 from stab_ros.nodes.background_compilation import BackgroundCompilation
 from stab_ros.nodes.managed_node import StabNode
+from stab_ros.nodes.nested_lists import with_lists_as_text
+from stab_ros.nodes.parameter_files import files_for_others
 from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.stopping import StopRequest, end_at_once
 from stab_ros.nodes.transport import use_profile
@@ -37,11 +41,12 @@ def run(make: Callable[[], StabNode], stop: StopRequest) -> int:
     """
     stop.defer()  # an exception in the middle of rclpy or of a destructor would be lost or leave a trace
     keep_freed_memory()
-    warnings = [use_profile(), _init()]
+    warnings: list[str | None] = [use_profile(), _init()]
     compilation: BackgroundCompilation | None = None
     try:
         node = make()
         node.stop, node.waits = stop, True
+        warnings += files_for_others(sys.argv, node.get_fully_qualified_name())
         for warning in filter(None, warnings):
             node.get_logger().warning(warning)
         compilation = BackgroundCompilation() if node.COMPUTES else None
@@ -95,9 +100,10 @@ def _init() -> str:
     """Initialises rclpy; returns a warning, "" for none."""
     set_logger_level("rcl", LoggingSeverity.FATAL)  # rcl would print its own line beside ours
     warning = log_folder.problem(os.environ)
+    words = [*sys.argv, *(log_folder.NO_LOG_FILE if warning else ())]
     try:
-        rclpy.init(args=[*sys.argv, *(log_folder.NO_LOG_FILE if warning else ())],
-                   signal_handler_options=SignalHandlerOptions.NO)
+        with TemporaryDirectory(prefix="stab_ros_") as folder:  # rcl has read all files once it is initialised
+            rclpy.init(args=with_lists_as_text(words, Path(folder)), signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # rclpy's RCLError is not public
         raise InputError(f"the ROS arguments cannot be used: {str(error).split(', at ')[0]}") from error
     set_logger_level("rcl", LoggingSeverity.UNSET)

@@ -10,12 +10,12 @@ from sensor_msgs.msg import Image
 
 from stab_ros.core.errors import MessageError
 from stab_ros.io.static_maps import map_of_message
-from stab_ros.io.topics import STATIC_MAP_TOPIC, TRACKER_NAME, topic_in
-from stab_ros.nodes.qos import AdaptiveSubscription, latest_latched
+from stab_ros.io.topics import STATIC_MAP_TOPIC
+from stab_ros.nodes.qos import latest_latched
+from stab_ros.nodes.tracker_subscription import TrackerSubscription
 from stab_ros.tracking.static_map import StaticMap
 
 _DEPTH = 10  # of maps that come one after the other: the first that tells ground from water counts
-_FIX = "let it offer RELIABLE or BEST_EFFORT, VOLATILE or TRANSIENT_LOCAL"
 
 
 def _several_latched(offers: Sequence[QoSProfile]) -> QoSProfile:
@@ -28,12 +28,16 @@ class StaticMapInput:
 
     def __init__(self, node: Node, take: Callable[[StaticMap], None], refused: Callable[[str], None]) -> None:
         self._take, self._refused, self._is_known = take, refused, False
-        self._maps = AdaptiveSubscription(node, Image, topic_in(TRACKER_NAME, STATIC_MAP_TOPIC), self._on_map,
-                                          _several_latched, _FIX)
-        self.topic = self._maps.topic
+        self._maps = TrackerSubscription(node, Image, STATIC_MAP_TOPIC, self._on_map, _several_latched,
+                                         "nobody tells ground from water")
+
+    @property
+    def topic(self) -> str:
+        """The full name."""
+        return self._maps.topic
 
     def refresh(self) -> None:
-        """Follows the publishers' QoS."""
+        """Follows the publishers; the node itself tells that no map comes."""
         self._maps.refresh()
 
     def _on_map(self, cdr: bytes, _info: Mapping[str, int]) -> None:

@@ -14,7 +14,7 @@ from stab_ros.core.kernels import Compilation
 from stab_ros.core.settings import Value
 from stab_ros.core.text import counted
 from stab_ros.core.timeline import Advance
-from stab_ros.core.types import Frame, ResetReason, Track
+from stab_ros.core.types import Frame, LostReason, ResetReason, State, Track
 from stab_ros.io.advice import FixedToCamera, why_anew
 from stab_ros.io.cdr import SECOND_NS, Header, header_of
 from stab_ros.io.image_message import read_image
@@ -159,10 +159,21 @@ class TrackerNode(StabNode):
             self._warn("refused", f"refused an image: {error}")
             return
         self._count(frame, source_ns)
+        tracks += self._of_start(index, tracks)
         self._publish_tracks(tracks)
         self._publish_references()
         if tracks and tracks[-1].index == index:
             self.outputs.send_images(frame, tracks[-1], self.stabilizer)
+
+    def _of_start(self, index: int, tracks: list[Track]) -> list[Track]:
+        """The answer to a frame that the engine has buffered, where that shall not be late."""
+        if self.settings.answer_start == "late" or any(track.index == index for track in tracks):
+            return []
+        if self.settings.answer_start == "at_once":
+            return [_in_start(index, self._pending[index].header.stamp_ns, self.stabilizer)]
+        del self._pending[index]
+        self.status.on_dropped(1)
+        return []
 
     def _answered(self, answer: Callable[[], list[Track]]) -> list[Track]:
         """What the engine answers; where it fails, all frames that wait for an answer are LOST."""
@@ -199,9 +210,12 @@ class TrackerNode(StabNode):
 
     # output ----------------------------------------------------------------------------------------------------------
     def _publish_tracks(self, tracks: list[Track]) -> None:
-        """Buffered frames are published under their own stamps; the slow warp comes after all homographies."""
+        """Buffered frames are published under their own stamps; the slow warp comes after all homographies.
+
+        Those of a start that were answered at once, or dropped, stay so.
+        """
         camera = self.camera.camera if self.camera else None
-        for track in tracks:
+        for track in [one for one in tracks if one.index in self._pending]:
             pending = self._pending.pop(track.index)
             reference = self.stabilizer.reference
             size = pending.size if reference is None or track.tracked else reference.size
@@ -293,6 +307,13 @@ class TrackerNode(StabNode):
         reconfigure(self.stabilizer, values)
         self.values = values
         self.status.method = str(values["method"])
+
+
+def _in_start(index: int, stamp_ns: int, stabilizer: Stabilizer) -> Track:
+    """The answer to a frame of a start before that is over."""
+    reference = stabilizer.reference
+    return Track(State.LOST, index, stamp_ns, 0 if reference is None else reference.stamp_ns, stabilizer.reset_counter,
+                 lost_reason=LostReason.STARTING, reset_reason=stabilizer.reset_reason)
 
 
 def _read(cdr: bytes, msgtype: str) -> Frame:

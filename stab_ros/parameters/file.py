@@ -62,11 +62,24 @@ def read_config(path: Path, node: str = TRACKER) -> dict[str, Value]:
         named = one_line(", ".join(name for name, _ in nodes))[:500]
         raise InputError(f"{path}: holds parameters of {named}, it must hold some of /** or of a {node}")
     found: dict[str, object] = {}
+    foreign: list[str] = []
     for name, parameters in ours:
-        shared = name.endswith(_OF_ALL_NODES)
-        found.update({key: value for key, value in _flat(path, parameters).items()
-                      if not (shared and _is_foreign(key, node))})
+        flat, shared = _flat(path, parameters), name.endswith(_OF_ALL_NODES)
+        foreign += [key for key in flat if shared and _is_foreign(key, node)]
+        found.update({key: value for key, value in flat.items() if key not in foreign})
+    if foreign and not found:
+        raise InputError(f"{path}: holds {one_line(', '.join(foreign))[:500]}, which are of other nodes; it must hold "
+                         f"parameters of a {node}")
     return checked_values({name: value for name, value in found.items() if _is_of_an_engine(name)}, _TABLES[node])
+
+
+def nodes_named(path: Path) -> list[str]:
+    """The nodes that a parameter file names, as rcl reads them: `/camera/tracker_node`, `/**/tracker_node`, `/**`.
+
+    Raises:
+        InputError: it is missing, or no YAML.
+    """
+    return [name for name, _ in _nodes(read_yaml(path))]
 
 
 def _is_foreign(name: str, node: str) -> bool:

@@ -29,6 +29,10 @@ class TrackerSettings(Checked):
         0, "Number of subscribers to homography to wait for before taking images", 0, 1000)
     stale_s: float = setting(
         2.0, "Time in seconds without an image, while free to take one, before the state is STALE", 0.05, 3600.0)
+    answer_start: str = setting(
+        "late", "What becomes of the frames of a start: late answers them together when it is over, at_once answers "
+        "each as it comes, LOST as the start is under way, and drop does not answer them",
+        choices=("late", "at_once", "drop"))
     reference_path: str = setting(
         "", "Path of an .mcap file in which the reference is saved, and from which it is restored at the next start; "
         '"": every start makes a new reference')

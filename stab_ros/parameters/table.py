@@ -129,8 +129,6 @@ def _checked(name: str, value: object, table: Table) -> Value:
     if parameter is None:
         meant = did_you_mean(name, table) or f"it must be one of {', '.join(sorted(table))}"
         raise ConfigError(f"parameter {name!r} is unknown, {meant}")
-    if not isinstance(value, (bool, int, float, str)):
-        raise ConfigError(f"{name}: {value!r} must be one {type(parameter.default).__name__}")
     return checked(name, value, parameter.default, parameter.limits)
 
 

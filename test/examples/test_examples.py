@@ -7,16 +7,18 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+import pytest
 from flights import SIZE, trap
 from geometry_msgs.msg import Vector3Stamped
 from live_graph import Graph, image_message, stamp_ns
 from sensor_msgs.msg import CameraInfo, Image
-from std_msgs.msg import Float64
+from std_msgs.msg import Float64, UInt64
 
 from stab_ros import read_homographies, rms_distance
 from stab_ros.synthetic.flight import Flight, Shot
@@ -37,6 +39,10 @@ def running(graph: Graph, name: str, *arguments: str) -> Iterator[None]:
             process.send_signal(signal.SIGINT)
             _, errors = process.communicate(timeout=60)
     assert "Traceback" not in errors, errors
+
+
+def _told(answers: list[Any], of_ns: int) -> bool:
+    return bool(answers) and stamp_ns(answers[-1]) == of_ns
 
 
 def publish(images: Any, flight: Flight) -> None:
@@ -82,6 +88,29 @@ def test_velocimetry_measures_the_water_and_not_the_drone(graph: Graph) -> None:
     assert [stamp_ns(one) for one in measured] == [flight.stamp_ns(number) for number in range(1, FRAMES)]
     assert abs(np.median([one.vector.x for one in measured]) - SPEED_M_S) < 0.05 * SPEED_M_S
     assert abs(np.median([one.vector.y for one in measured])) < 0.05 * SPEED_M_S
+
+
+@pytest.mark.parametrize(("parameters", "tracker", "fewest", "most"), [
+    (("start_s:=1.0", "rate_hz:=30.0"), {}, FRAMES, FRAMES),
+    (("queue:=10",), {}, 1, FRAMES - 15),  # images of the start are gone before its homographies come
+    (("queue:=10",), {"answer_start": "at_once"}, FRAMES, FRAMES),
+])
+def test_pairs_by_stamp(
+    graph: Graph, parameters: tuple[str, ...], tracker: dict[str, Any], fewest: int, most: int
+) -> None:
+    flight = Flight(trap("kolubara", SPEED_M_S), SIZE, FRAMES)
+    answers: list[Any] = graph.listen(CameraInfo, "/homography", 100)
+    pairs: list[Any] = graph.listen(UInt64, "/pair_node/pairs", 100)
+    graph.start("tracker_node", queue_depth=0, wait_for_subscribers=2, **tracker)
+    with running(graph, "pair_by_stamp.py", *(word for one in parameters for word in ("-p", one))):
+        images = graph.speak(Image, "/image_raw", 300)
+        graph.until(lambda: images.get_subscription_count() == 2, "the tracker and the pairing node")
+        for shot in flight:
+            images.publish(image_message(shot.image, shot.stamp_ns))
+            if tracker:  # as a camera that is no faster than the tracker
+                graph.until(partial(_told, answers, shot.stamp_ns), "its answer")
+        graph.until(lambda: len(answers) == FRAMES and pairs and pairs[-1].data >= fewest, "every frame answered")
+    assert fewest <= pairs[-1].data <= most
 
 
 def test_two_nodes_in_one_process(graph: Graph) -> None:

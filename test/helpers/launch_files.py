@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import runpy
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -48,6 +48,10 @@ def yaml_of(value: Any) -> str:
 class _Substitution:
     def resolved(self, arguments: Mapping[str, str]) -> str:
         raise NotImplementedError
+
+    def perform(self, context: Mapping[str, str]) -> str:
+        """As launch calls it; a context is the arguments here."""
+        return self.resolved(context)
 
 
 @dataclass
@@ -124,6 +128,13 @@ class IncludeLaunchDescription:
 
 
 @dataclass
+class OpaqueFunction:
+    """Actions that are made once the arguments are known."""
+
+    function: Callable[[Mapping[str, str]], list[Any]]
+
+
+@dataclass
 class Node:
     """A node of a package."""
 
@@ -145,7 +156,7 @@ class LaunchDescription:
 
 _MODULES: Mapping[str, Sequence[type]] = {
     "launch": [LaunchDescription],
-    "launch.actions": [DeclareLaunchArgument, IncludeLaunchDescription],
+    "launch.actions": [DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction],
     "launch.conditions": [IfCondition],
     "launch.substitutions": [LaunchConfiguration, PathJoinSubstitution, PythonExpression],
     "launch_ros": [],
@@ -209,6 +220,8 @@ def _nodes_of(action: Any, arguments: Mapping[str, str]) -> list[StartedNode]:
     if isinstance(action, IncludeLaunchDescription):
         return started(Path(text_of(action.source, arguments)),
                        **{name: text_of(value, arguments) for name, value in action.launch_arguments})
+    if isinstance(action, OpaqueFunction):
+        return [node for made in action.function(arguments) for node in _nodes_of(made, arguments)]
     if not isinstance(action, Node) or (
             action.condition is not None and text_of(action.condition.value, arguments).lower() not in ("true", "1")):
         return []

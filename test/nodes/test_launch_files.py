@@ -43,6 +43,20 @@ def test_arguments_reach_the_nodes() -> None:
         started(replay, output="b.mcap")
 
 
+@pytest.mark.parametrize(("file", "node", "name"), [
+    ("tracker", "tracker_node", "roi"), ("evaluator", "evaluator_node", "exclude"),
+    ("velocimetry", "velocimetry_node", "lines"), ("discharge", "velocimetry_node", "roi"),
+])
+def test_lists_are_arguments_that_stay_text(file: str, node: str, name: str) -> None:
+    """With a parameter of its own only where one is given: an empty one would take the place of that in the file."""
+    path, text = ROOT / "launch" / f"{file}.launch.py", "[[[0, 130], [960, 150], [960, 420]]]"
+    needed = NEEDED.get(path.name, {})
+    without, given = started(path, **needed), started(path, **{name: text}, **needed)
+    (before,), (now,) = ([one for one in nodes if one.executable == node] for nodes in (without, given))
+    assert now.parameters == [*before.parameters, {name: text}]
+    assert f"{name}:='{text}'" in now.ros_arguments
+
+
 def test_tracker_and_georeferencing_are_launched_on_one_camera(graph: Graph, tmp_path: Path) -> None:
     """With a namespace, topics and parameter files of the user's."""
     config = tmp_path / "georeference.yaml"

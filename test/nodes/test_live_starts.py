@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from flights import SIZE
 from image_publisher import FRAMES, ImagePublisher, by_the_engine, flight, shots
@@ -118,3 +119,33 @@ def test_a_tracker_in_an_executor_of_somebody_else(graph: Graph) -> None:
             process.send_signal(signal.SIGINT)
     for answer, H in zip(answers, by_the_engine(), strict=True):
         np.testing.assert_allclose(np.reshape(answer.r, (3, 3)), H, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("answer_start", ["at_once", "drop"])
+def test_frames_of_a_start_that_are_not_to_be_late(answer_start: str, graph: Graph) -> None:
+    """From the frame on that ends the start, answers are the engine's."""
+    camera = ImagePublisher(graph, answer_start=answer_start)
+    camera.show(FRAMES)
+    engine = dict(zip([shot.stamp_ns for shot in shots()], by_the_engine(), strict=True))
+    graph.until(lambda: camera.answers and stamp_ns(camera.answers[-1]) == shots()[-1].stamp_ns, "the last answer")
+    camera.until_answered(len(camera.answers))
+    told = {stamp_ns(one): one for one in camera.answers}
+    assert len(told) == len(camera.answers)  # no frame twice
+    reasons = {stamp_ns(one): values_of(one)["lost_reason"] for one in camera.tracks}
+    first_ns = shots()[0].stamp_ns
+    of_start = [stamp for stamp in engine if first_ns < stamp < first_ns + 10**9]
+    assert of_start
+    assert list(told) == [stamp for stamp in engine if answer_start == "at_once" or stamp not in of_start]
+    for stamp, answer in told.items():
+        if stamp in of_start:
+            assert reasons[stamp] == "start under way"
+            assert not np.any(answer.k)
+        else:
+            np.testing.assert_allclose(np.reshape(answer.r, (3, 3)), engine[stamp], rtol=0, atol=1e-9)
+            assert reasons[stamp] == ""
+    assert "LOST" not in camera.tracker.log
+    count = str(len(of_start))
+    graph.until(lambda: values_of(camera.reports[-1])["frames_in"] == str(FRAMES), "the report")
+    lost, dropped = (count, "0") if answer_start == "at_once" else ("0", count)
+    assert (values_of(camera.reports[-1])["frames_lost"], values_of(camera.reports[-1])["frames_dropped"]) == (
+        lost, dropped)

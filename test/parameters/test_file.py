@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from stab_ros.core.errors import ConfigError
+from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.settings import settings_of
 from stab_ros.parameters.file import EVALUATOR, TRACKER, read_config
 from stab_ros.parameters.node_settings import EvaluatorSettings, TrackerSettings
@@ -30,3 +30,11 @@ def test_every_setting_of_a_node_is_skipped(node: str, tmp_path: Path) -> None:
 def test_a_name_that_only_begins_like_a_setting_of_a_node_is_unknown(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"parameter 'queue_depths' is unknown"):
         read_config(written(tmp_path, queue_depths=1))
+
+
+def test_a_file_of_another_node_alone_is_refused() -> None:
+    """Though it is for nodes of any name, it holds nothing of this one."""
+    shipped = Path(__file__).parents[2] / "config"
+    assert read_config(shipped / "tracker.yaml", TRACKER) == {"method": "direct"}
+    with pytest.raises(InputError, match=r"holds orientation, height_m, which are of other nodes; .* tracker_node"):
+        read_config(shipped / "georeference.yaml", TRACKER)

@@ -42,6 +42,14 @@ def test_polygons_hold_what_lies_within() -> None:
     np.testing.assert_array_equal(read_area({"exclude": SQUARE}).allowed(SIZE), ~square())
 
 
+@pytest.mark.parametrize("text", [
+    "[[100, 50], [300, 50], [300, 250], [100, 250]]", "[100, 50, 300, 50, 300, 250, 100, 250]",
+    "[[100, 50, 300, 50, 300, 250, 100, 250]]",
+])
+def test_one_polygon_in_fewer_brackets(text: str) -> None:
+    np.testing.assert_array_equal(read_area({"roi": text}).allowed(SIZE), square())
+
+
 def test_several_polygons_add_up_and_exclude_wins() -> None:
     two = "[[[0, 0], [40, 0], [40, 40], [0, 40]], [[350, 250], [399, 250], [399, 299], [350, 299]]]"
     allowed = read_area({"roi": two, "exclude": "[[[0, 0], [40, 0], [40, 20], [0, 20]]]"}).allowed(SIZE)
@@ -96,8 +104,9 @@ def test_any_rectangle_is_filled(x: int, y: int, width: int, height: int) -> Non
     ("[]", "holds no polygon"),
     ("[[]]", "at least 3 points"),
     ("[[[1, 2], [30, 4]]]", "at least 3 points"),
-    ("[1, 2, 3]", "at least 3 points"),
-    ("[[1, 2], [3, 4], [5, 6]]", "at least 3 points"),
+    ("[1, 2, 3]", "3 numbers are no pairs"),
+    ("[0, 410]", "ROS keeps the last row of nested lists"),
+    ("[[1, 2], [3, 4], [5, 6]]", "has no area"),
     ("[[[1, 2, 3], [4, 5, 6], [7, 8, 0]]]", "at least 3 points"),
     ("[[[0, 0], [100, 100], [100, 0], [0, 100]]]", "crosses itself"),
     ("[[[0, 0], [NaN, 100], [100, 0]]]", "finite"),

@@ -1,0 +1,103 @@
+"""Quality of service that users override: in force, described, and never ignored in silence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from live_graph import Graph
+from rcl_interfaces.srv import DescribeParameters
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import CameraInfo, Image
+
+BEST_EFFORT, RELIABLE = ReliabilityPolicy.BEST_EFFORT, ReliabilityPolicy.RELIABLE
+
+
+def file_of(tmp_path: Path, overrides: dict[str, Any], **others: Any) -> str:
+    config = tmp_path / "qos.yaml"
+    config.write_text(yaml.safe_dump({"/**": {"ros__parameters": {"qos_overrides": overrides, **others}}}))
+    return str(config)
+
+
+def test_overrides_hold_for_publishers_and_subscriptions(graph: Graph, tmp_path: Path) -> None:
+    config = file_of(tmp_path, {
+        "/cam/homography": {"publisher": {"reliability": "best_effort", "depth": 7}},
+        "/cam/tracker_node/track": {"publisher": {"durability": "transient_local", "lifespan": 10**9}},
+        "/cam/image_raw": {"subscription": {"reliability": "best_effort"}},
+        "/diagnostics": {"publisher": {"reliability": "best_effort"}},
+    })
+    images = graph.node.create_publisher(Image, "/cam/image_raw", 10)
+    tracker = graph.run("tracker_node", ["--ros-args", "-r", "__ns:=/cam", "--params-file", config])
+    graph.until(images.get_subscription_count, "the tracker taking images")
+
+    def published(topic: str) -> QoSProfile:
+        graph.until(lambda: graph.node.get_publishers_info_by_topic(topic), f"a publisher of {topic}")
+        (publisher,) = graph.node.get_publishers_info_by_topic(topic)
+        offered: QoSProfile = publisher.qos_profile
+        return offered
+
+    assert published("/cam/homography").reliability == BEST_EFFORT
+    assert published("/diagnostics").reliability == BEST_EFFORT
+    assert published("/cam/tracker_node/track").durability == DurabilityPolicy.TRANSIENT_LOCAL
+    assert published("/cam/tracker_node/track").lifespan.nanoseconds == 10**9
+    assert published("/cam/image_stabilized").reliability == RELIABLE
+    (taken,) = graph.node.get_subscriptions_info_by_topic("/cam/image_raw")
+    assert taken.qos_profile.reliability == BEST_EFFORT  # though its publisher offers more
+    names = ["qos_overrides./cam/homography.publisher.depth", "qos_overrides./cam/image_raw.subscription.reliability"]
+    request = DescribeParameters.Request(names=names)
+    shown = graph.call(DescribeParameters, "/cam/tracker_node/describe_parameters", request).descriptors
+    assert all(one.read_only and one.description for one in shown)
+    assert "no effect" not in tracker.log
+
+
+def test_a_subscription_follows_its_publishers_unless_told_otherwise(graph: Graph, tmp_path: Path) -> None:
+    """One that is made anew for another publisher keeps what the user has said."""
+    config = file_of(tmp_path, {"/homography": {"subscription": {"reliability": "best_effort"}}})
+    graph.run("evaluator_node", ["--ros-args", "--params-file", config])
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    graph.until(lambda: graph.node.count_subscribers("/homography"), "the evaluator")
+    graph.node.create_publisher(CameraInfo, "/homography", latched)
+
+    def taken() -> Any:
+        return [one.qos_profile for one in graph.node.get_subscriptions_info_by_topic("/homography")]
+
+    graph.until(lambda: [one.durability for one in taken()] == [DurabilityPolicy.TRANSIENT_LOCAL], "another durability")
+    assert taken()[0].reliability == BEST_EFFORT
+
+
+@pytest.mark.parametrize(("override", "said"), [
+    ({"/homography": {"publisher": {"reliability": "best_efort"}}},
+     "qos_overrides./homography.publisher.reliability: 'best_efort' is unknown, did you mean best_effort"),
+    ({"/homography": {"publisher": {"depth": "ten"}}},
+     "qos_overrides./homography.publisher.depth: 'ten' is a str, it must be a int"),
+    ({"/image_raw": {"subscription": {"depth": -1}}},
+     "qos_overrides./image_raw.subscription.depth: -1 is out of range"),
+])
+def test_what_is_no_quality_of_service_is_one_line(
+    graph: Graph, tmp_path: Path, override: dict[str, Any], said: str
+) -> None:
+    tracker = graph.run("tracker_node", ["--ros-args", "--params-file", file_of(tmp_path, override)])
+    assert tracker.wait() == 2
+    (line,) = tracker.log.splitlines()
+    assert said in line
+
+
+def test_what_nothing_uses_is_told_with_the_nearest_name(graph: Graph, tmp_path: Path) -> None:
+    config = file_of(tmp_path, {
+        "/homografy": {"publisher": {"depth": 7}}, "/homography": {"publisher": {"dept": 7}, "publsher": {"depth": 7}},
+    }, metod="klt")
+    tracker = graph.run("tracker_node", ["--ros-args", "--params-file", config, "-p", "exlude:=a.png"])
+    graph.until(lambda: "so far" in tracker.log, "the override of another topic")
+    said = [line for line in tracker.log.splitlines() if "no effect" in line or "had no effect" in line]
+    assert len(said) == 5
+    for name, meant in [
+        ("metod", "did you mean method or model?"), ("exlude", "did you mean exclude?"),
+        ("qos_overrides./homography.publisher.dept", "did you mean depth?"),
+        ("qos_overrides./homography.publsher.depth",
+         "did you mean publisher? It must be qos_overrides./TOPIC.publisher.POLICY"),
+        ("qos_overrides./homografy.publisher.depth", "did you mean qos_overrides./homography.publisher.depth"),
+    ]:
+        (line,) = [one for one in said if f"parameter {name} " in one]
+        assert meant in line
