@@ -32,7 +32,7 @@ setup(
         files_in("config/sros2"),
         files_in("bags"),
     ],
-    python_requires=">=3.11",
+    python_requires=">=3.10",
     # Under apt's Jazzy these come from apt (see package.xml), where cv2 is the distribution "opencv" of python3-opencv.
     install_requires=[
         "numpy>=1.26",

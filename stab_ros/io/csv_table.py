@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
-from typing import Self
 
 from stab_ros.core.errors import WorkError
 
@@ -42,7 +41,7 @@ class CsvTable:
         except OSError as error:
             raise self._broken(error) from error
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> CsvTable:
         return self
 
     def __exit__(
