@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 from stab_ros.core.errors import WorkError
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 
 class CsvTable:
@@ -41,7 +45,7 @@ class CsvTable:
         except OSError as error:
             raise self._broken(error) from error
 
-    def __enter__(self) -> CsvTable:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 from stab_ros.core.kernels import Compilation, compile_kernels
@@ -11,7 +12,7 @@ class BackgroundCompilation:
     """Starts at once. The thread cannot be interrupted: to end before `done`, end the process."""
 
     def __init__(self) -> None:
-        self.progress = Compilation(0, 0)
+        self.progress, self._started_s = Compilation(0, 0), time.monotonic()
         self._job = ThreadPoolExecutor(1, "compilation").submit(compile_kernels, self._update)
 
     @property
@@ -22,6 +23,11 @@ class BackgroundCompilation:
     def result(self) -> Compilation:
         """Waits for the result; raises the exception that ended the compilation, if any."""
         return self._job.result()
+
+    @property
+    def age_s(self) -> float:
+        """Time since it began, s."""
+        return time.monotonic() - self._started_s
 
     def _update(self, progress: Compilation) -> None:
         self.progress = progress

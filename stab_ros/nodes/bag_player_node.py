@@ -51,6 +51,8 @@ class PlayerSettings(Checked):
 class BagPlayerNode(StabNode):
     """Plays once, or again and again with `loop`."""
 
+    COMPOSABLE = False
+
     def __init__(self, given: Mapping[str, object]) -> None:
         super().__init__("bag_player_node", given)
         table = params.table_of(PlayerSettings)

@@ -37,6 +37,8 @@ class RecorderSettings(Checked):
 class BagRecorderNode(StabNode):
     """Writes every message of `topics` (if empty: of all topics) until it is stopped."""
 
+    COMPOSABLE = False
+
     def __init__(self, given: Mapping[str, object]) -> None:
         super().__init__("bag_recorder_node", given)
         table = params.table_of(RecorderSettings)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.kernels import Compilation, compile_kernels
@@ -36,6 +36,11 @@ from stab_ros.nodes.stamp_pairing import Pair, StampPairing
 from stab_ros.nodes.throttled_warnings import ThrottledWarnings
 from stab_ros.parameters.node_settings import GeoreferenceSettings
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from stab_ros.nodes.node_options import NodeOptions
+
 _POLL_NS = SECOND_NS // 10  # period at which subscribers, publishers and the silence are checked
 _SENSORS = (FIX_TOPIC, "attitude")  # which frames wait for in the engine
 _LENS = ("the tracker does not remove the distortion of this lens, its homographies are not exact; start it with "
@@ -53,9 +58,9 @@ class PlacingNode(StabNode):
     COMPUTES = True
     settings: GeoreferenceSettings
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, **options: Unpack[NodeOptions]) -> None:
         """The subclass sets `settings` and calls `begin` with its parameters."""
-        super().__init__(name)
+        super().__init__(name, **options)
 
     def begin(self, values: Mapping[str, Value], config: GeoreferenceConfig, status: GeoreferenceStatus,
               make_engine: MakeEngine, level_given: bool) -> None:
@@ -105,6 +110,7 @@ class PlacingNode(StabNode):
         self.status.waiting_for = progress.awaited
 
     def prepare(self) -> None:
+        super().prepare()
         compile_kernels()  # done already, unless another executor spins this node
         self._open_inputs()
         self.create_steady_timer(_POLL_NS / SECOND_NS, self._poll)

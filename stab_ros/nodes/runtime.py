@@ -6,9 +6,8 @@ import importlib
 import os
 import re
 import sys
-import time
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
@@ -21,6 +20,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
+from rclpy.timer import Timer
 
 from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.kernels import Compilation
@@ -33,37 +33,69 @@ from stab_ros.nodes import log_folder
 from stab_ros.nodes.background_compilation import BackgroundCompilation
 from stab_ros.nodes.diagnostic_status import DiagnosticStatus
 from stab_ros.nodes.free_time import FreeTime
+from stab_ros.nodes.node_options import NodeOptions
 from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.stopping import StopRequest, end_at_once
 from stab_ros.nodes.transport import use_profile
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+_START_S = 0.1  # period at which a node in an executor of somebody else looks whether it can begin
 _NO_CLOCK = "use_sim_time is set, but nobody publishes /clock; the time is zero until somebody does"
 
 
 class StabNode(Node):
     """A node with diagnostics, steady timers, and parameters that may be given to the constructor.
 
+    `run` drives it. In an executor of somebody else it compiles and prepares itself as soon as that spins.
+
     stop: whether the node is to end; long waits check it. free: the time in which the node had nothing to do.
     """
 
     COMPUTES: ClassVar[bool] = False  # whether it uses kernels, which are then compiled before `prepare`
+    COMPOSABLE: ClassVar[bool] = True  # whether callbacks do its work, so that any executor can spin it
 
-    def __init__(self, name: str, given: Mapping[str, Any] | None = None) -> None:
-        overrides = [Parameter(key, value=value) for key, value in (given or {}).items()]
+    def __init__(self, name: str, given: Mapping[str, Any] | None = None, **options: Unpack[NodeOptions]) -> None:
+        options.setdefault("node_name", name)
+        options["parameter_overrides"] = [*options.get("parameter_overrides", []),
+                                          *(Parameter(key, value=value) for key, value in (given or {}).items())]
         try:  # the overrides are declared as they come, so that `params.declare` can judge them
-            super().__init__(name, automatically_declare_parameters_from_overrides=True, parameter_overrides=overrides)
+            super().__init__(automatically_declare_parameters_from_overrides=True, **options)
         except ValueError as error:
             raise ConfigError(f"a parameter was given an empty value, it must be left out instead ({error})") from error
         except RuntimeError as error:  # rclpy's RCLError, as where security is asked for and cannot be had
             raise InputError(f"the node cannot be made: {str(error).split(', at ')[0]}") from error
         self.stop, self.free = StopRequest(), FreeTime()
         self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, DIAGNOSTICS_TOPIC, 10)
+        self._compilation: BackgroundCompilation | None = None
+        self.own_start = self.create_steady_timer(_START_S, self._start)
 
     def on_compilation(self, progress: Compilation) -> None:
         """Called repeatedly while kernels are compiled."""
 
     def prepare(self) -> None:
-        """Called once before `work`."""
+        """Called once before `work`, or once an executor of somebody else spins; takes part from then on."""
+        self.own_start.cancel()
+
+    def _start(self) -> None:
+        """What `run` does else: the executor that calls this is not ours. Others' callbacks do not wait meanwhile."""
+        if not self.COMPOSABLE:
+            self.own_start.cancel()
+            self.get_logger().error("does nothing in an executor of another program, as its work is a loop of its "
+                                    "own; start its executable instead")
+        elif self._is_compiled():
+            self.prepare()
+
+    def _is_compiled(self) -> bool:
+        if not self.COMPUTES:
+            return True
+        if self._compilation is None:
+            self._compilation = BackgroundCompilation()
+        self.on_compilation(self._compilation.progress)
+        if self._compilation.done:
+            _log_compilation(self.get_logger(), self._compilation)
+        return self._compilation.done
 
     def on_failure(self, error: BaseException) -> None:
         """An error has escaped a callback; raised again, it ends the node."""
@@ -74,9 +106,9 @@ class StabNode(Node):
         while not spinner.stopping:
             spinner.once()
 
-    def create_steady_timer(self, period_s: float, callback: Callable[[], None]) -> None:
+    def create_steady_timer(self, period_s: float, callback: Callable[[], None]) -> Timer:
         """A timer on the monotonic clock, which runs also while simulated time stands still."""
-        self.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        return self.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def publish_diagnostics(self, status: DiagnosticStatus) -> None:
         """One status on /diagnostics, named as the node and with its namespace as hardware_id."""
@@ -118,6 +150,7 @@ def run(make: Callable[[], StabNode], stop: StopRequest) -> int:
 
 
 def _spin(node: StabNode, stop: StopRequest, compilation: BackgroundCompilation | None) -> None:
+    node.own_start.cancel()
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
@@ -134,7 +167,7 @@ def _spin(node: StabNode, stop: StopRequest, compilation: BackgroundCompilation 
 
 def _compile(node: StabNode, spinner: Spinner, compilation: BackgroundCompilation) -> None:
     """Spins the node until its kernels are compiled; logs it unless all were found in the cache."""
-    log, started_s, logged = node.get_logger(), time.monotonic(), False
+    log, logged = node.get_logger(), False
     while not (compilation.done or spinner.stopping):
         node.on_compilation(compilation.progress)
         if compilation.progress.compiled and not logged:
@@ -142,12 +175,13 @@ def _compile(node: StabNode, spinner: Spinner, compilation: BackgroundCompilatio
             log.info("compiling kernels, once after an installation; no images are taken until that is done")
         spinner.once()
     if compilation.done:
-        _log_compilation(log, compilation.result, time.monotonic() - started_s)
+        _log_compilation(log, compilation)
 
 
-def _log_compilation(log: RcutilsLogger, result: Compilation, seconds: float) -> None:
+def _log_compilation(log: RcutilsLogger, compilation: BackgroundCompilation) -> None:
+    result = compilation.result
     if result.compiled:
-        log.info(f"compiled {result.compiled} of {result.total} kernels in {seconds:.1f} s")
+        log.info(f"compiled {result.compiled} of {result.total} kernels in {compilation.age_s:.1f} s")
     if result.trouble:
         log.warning(not_kept(result.trouble))
 

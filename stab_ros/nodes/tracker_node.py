@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from std_srvs.srv import Trigger
 
@@ -38,6 +38,11 @@ from stab_ros.tracking.stabilizer import Stabilizer
 from stab_ros.tracking.start_buffer import GroundState
 from stab_ros.tracking.static_map import StaticMap
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from stab_ros.nodes.node_options import NodeOptions
+
 _POLL_NS = SECOND_NS // 10  # period at which subscribers, publishers and the silence are checked
 
 
@@ -61,8 +66,8 @@ class TrackerNode(StabNode):
 
     COMPUTES = True
 
-    def __init__(self) -> None:
-        super().__init__("tracker_node")
+    def __init__(self, **options: Unpack[NodeOptions]) -> None:
+        super().__init__("tracker_node", **options)
         table = table_with_preset(params.given(self, "method"))
         values = params.declare(self, {**table, **SETTINGS}, CHANGEABLE)
         params.warn_of_unknown(self, values)
@@ -95,6 +100,7 @@ class TrackerNode(StabNode):
         self.status.waiting_for = progress.awaited
 
     def prepare(self) -> None:
+        super().prepare()
         compile_kernels()  # done already, unless another executor spins this node
         self._resume()
         self.create_steady_timer(_POLL_NS / SECOND_NS, self._poll)
