@@ -29,7 +29,7 @@ def fast_dds() -> FastDds:
 def segments(pid: int) -> list[int]:
     """Sizes of the shared memory that a process has opened, bytes, its own and others'."""
     lines = Path(f"/proc/{pid}/maps").read_text().splitlines()
-    spans = [re.match(r"(\w+)-(\w+) .*/dev/shm/fastrtps_[0-9a-f]+$", line) for line in lines]
+    spans = [re.match(r"(\w+)-(\w+) .*/dev/shm/fast(?:rtps|dds)_[0-9a-f]+$", line) for line in lines]
     return [int(span[2], 16) - int(span[1], 16) for span in spans if span]
 
 
