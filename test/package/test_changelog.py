@@ -40,6 +40,7 @@ def test_catkin_reads_every_change_once_the_release_is_tagged(rst: str) -> None:
     changelog = populate_changelog_from_rst(Changelog("stab_ros"), tagged)
     ((_, _, (content,)),) = [one for one in changelog.foreach_version() if one[0] == "9.9.9"]
     assert isinstance(content, BulletList)
-    markdown = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").partition("## [Unreleased]")[2].partition("\n## [")[0]
+    _, _, after = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").partition("## [Unreleased]")
+    markdown = after.partition("\n## [")[0]
     assert len(content.bullets) == len(re.findall(r"^### ", markdown, re.MULTILINE))
     assert len(re.findall(r"^ +\* ", str(content), re.MULTILINE)) == len(re.findall(r"^- ", markdown, re.MULTILINE))

@@ -19,7 +19,8 @@ ROOT = Path(__file__).parents[2]
 # keys of rosdistro's rosdep/python.yaml; where there is none for the module: of what brings it, or of our rosdep.yaml
 KEYS = {
     "PIL": "python3-pil", "apsw": "python3-rosbags-pip", "av": "python3-av-pip", "backports": "python3-rosbags-pip",
-    "catkin_pkg": "python3-catkin-pkg-modules", "cv2": "python3-opencv", "docutils": "python3-docutils", "grimp": "python3-import-linter-pip",
+    "catkin_pkg": "python3-catkin-pkg-modules", "cv2": "python3-opencv", "docutils": "python3-docutils",
+    "grimp": "python3-import-linter-pip",
     "hypothesis": "python3-hypothesis", "importlinter": "python3-import-linter-pip", "jinja2": "python3-jinja2",
     "lz4": "mcap-ros2-support", "markupsafe": "python3-jinja2", "matplotlib": "python3-matplotlib",
     "mcap": "mcap-ros2-support", "numba": "python3-numba", "numpy": "python3-numpy", "pyproj": "python3-pyproj",
