@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-XML = [ROOT / "package.xml", *sorted(path for folder in ("stab_ros", "config") for path in (ROOT / folder).rglob("*.xml"))]
+FOLDERS = ("stab_ros", "config")
+XML = [ROOT / "package.xml", *sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.xml"))]
 
 
 def test_flake8_and_pep257() -> None:
