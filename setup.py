@@ -31,6 +31,7 @@ setup(
         files_in("config"),
         files_in("config/cameras"),
         files_in("config/sros2"),
+        files_in("config/systemd"),
         files_in("bags"),
     ],
     # Of Ubuntu 22.04 up: rclpy of Jazzy and of Kilted have wheels for it. Humble's rclpy lacks what the nodes need,
