@@ -77,7 +77,6 @@ setup(
             "rasterio>=1.3",
             "ruff>=0.9",
             "scipy-stubs>=1.14",
-            "setuptools>=64",
             "types-PyYAML>=6.0",
             "types-tqdm>=4.66",
         ],

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import ast
 import re
-import runpy
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-import setuptools
 import yaml
 from catkin_pkg.package import Package, parse_package
 
@@ -25,7 +23,7 @@ KEYS = {
     "lz4": "mcap-ros2-support", "markupsafe": "python3-jinja2", "matplotlib": "python3-matplotlib",
     "mcap": "mcap-ros2-support", "numba": "python3-numba", "numpy": "python3-numpy", "pyproj": "python3-pyproj",
     "pytest": "python3-pytest", "rasterio": "python3-rasterio", "rosbags": "python3-rosbags-pip",
-    "ruamel": "python3-ruamel.yaml", "scipy": "python3-scipy", "setuptools": "python3-setuptools",
+    "ruamel": "python3-ruamel.yaml", "scipy": "python3-scipy",
     "tifffile": "python3-tifffile", "tqdm": "python3-tqdm", "yaml": "python3-yaml", "zstandard": "mcap-ros2-support",
 }
 BY_THE_WAY = {"ros2launch", "python3-rosbags-image-pip"}  # `ros2 launch`, and the part of `rosbags` of another package
@@ -34,6 +32,7 @@ DISTRIBUTIONS = {  # on PyPI, where they are not named as the module is
     "importlinter": "import-linter", "ruamel": "ruamel.yaml", "yaml": "pyyaml", "catkin_pkg": "catkin-pkg",
 }
 MADE_BY_TESTS = {"river_msgs"}
+WORDS = {"name", "version", "license", "maintainer", "maintainer_email", "url", "install_requires", "extras_require"}
 TOOLS = {"mypy", "pre-commit", "pytest-xdist", "ruff", "scipy-stubs", "types-pyyaml", "types-tqdm"}
 
 
@@ -61,14 +60,19 @@ def package() -> Package:
 
 @pytest.fixture(scope="module")
 def setup_words() -> dict[str, Any]:
-    """What setup.py tells setuptools."""
-    told: dict[str, Any] = {}
-    original, setuptools.setup = setuptools.setup, lambda **words: told.update(words)
-    try:
-        runpy.run_path(str(ROOT / "setup.py"))
-    finally:
-        setuptools.setup = original
-    return told
+    """What setup.py tells setuptools, where that depends on its own constants alone."""
+    tree = ast.parse((ROOT / "setup.py").read_text(encoding="utf-8"))
+    names = {one.targets[0].id: one.value for one in tree.body
+             if isinstance(one, ast.Assign) and isinstance(one.targets[0], ast.Name)}
+    (call,) = (one.value for one in tree.body if isinstance(one, ast.Expr) and isinstance(one.value, ast.Call))
+    constants: dict[str, Any] = {}
+    for name, value in names.items():
+        constants[name] = evaluated(value, constants)
+    return {one.arg: evaluated(one.value, constants) for one in call.keywords if one.arg in WORDS}
+
+
+def evaluated(expression: ast.expr, names: dict[str, Any]) -> Any:
+    return eval(compile(ast.Expression(expression), "setup.py", "eval"), {}, names)
 
 
 def keys_of(modules: set[str]) -> set[str]:
