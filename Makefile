@@ -1,6 +1,6 @@
-# Needs Python 3.11 to 3.13, git and make; everything else goes into .venv, once.
+# Needs Python 3.10 to 3.13, git and make; everything else goes into .venv, once.
 
-PYTHONS := python3 python3.13 python3.12 python3.11 python
+PYTHONS := python3 python3.13 python3.12 python3.11 python3.10 python
 VENV := .venv
 INSTALLED := $(VENV)/.installed
 DOCS_INSTALLED := $(VENV)/.docs_installed
@@ -81,14 +81,14 @@ clean:
 # The first Python of PYTHONS that runs, is of the right version and can make an environment; PYTHONS=... overrides.
 define FIND_PYTHON
 for python in $(PYTHONS); do \
-    "$$python" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null || continue; \
+    "$$python" -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' 2>/dev/null || continue; \
     "$$python" -c 'import ensurepip, venv' 2>/dev/null && found="$$python" && break; \
     incomplete="$$python"; \
 done; \
 if [ -z "$$found" ] && [ -n "$$incomplete" ]; then \
     echo "$$incomplete has no venv or no ensurepip; on Debian and Ubuntu: apt install python3-venv" >&2; exit 1; \
 elif [ -z "$$found" ]; then \
-    echo "no Python 3.11 to 3.13 among $(PYTHONS); name one: make PYTHONS=/path/to/python3.12" >&2; exit 1; \
+    echo "no Python 3.10 to 3.13 among $(PYTHONS); name one: make PYTHONS=/path/to/python3.12" >&2; exit 1; \
 fi
 endef
 

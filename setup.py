@@ -20,7 +20,8 @@ setup(
     description="Image stabilisation for river measurement from drones, live in ROS 2 and from recordings",
     license="Apache-2.0",
     maintainer="stab_ros maintainers",
-    maintainer_email="maintainers@example.com",
+    maintainer_email="maintainers@users.noreply.h-seed-60a7f06e.example",
+    url="https://index.ros.org/p/stab_ros/",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={NAME: ["py.typed", "report/*.html", "report/*.css", "report/*.js", "nodes/*.xml"]},
     data_files=[
@@ -30,9 +31,12 @@ setup(
         files_in("config"),
         files_in("config/cameras"),
         files_in("config/sros2"),
+        files_in("config/systemd"),
         files_in("bags"),
     ],
-    python_requires=">=3.11",
+    # Of Ubuntu 22.04 up: rclpy of Jazzy and of Kilted have wheels for it. Humble's rclpy lacks what the nodes need,
+    # see docs/ros.md.
+    python_requires=">=3.10",
     # Under apt's Jazzy these come from apt (see package.xml), where cv2 is the distribution "opencv" of python3-opencv.
     install_requires=[
         "numpy>=1.26",
@@ -43,11 +47,13 @@ setup(
         'backports.zstd>=1.0; python_version < "3.14"',
         "lz4>=4.0",
         "Jinja2>=3.0",
+        "MarkupSafe>=2.0",
         "matplotlib>=3.6",
         "pillow>=9.4",
         "mcap>=1.3",
         "pyproj>=3.6",
         "rosbags>=0.11",
+        "ruamel.yaml>=0.17",
         "rosbags-image>=0.10.4",
         "PyYAML>=6.0",
         "scipy>=1.11",
@@ -59,6 +65,8 @@ setup(
     ],
     extras_require={
         "test": [
+            "catkin-pkg>=1.0",
+            "docutils>=0.18",
             "grimp>=3.20",
             "hypothesis>=6.98",
             "import-linter>=2.17",

@@ -22,11 +22,10 @@ from sensor_msgs.msg import CameraInfo, Image
 from tables import Section, Table, number
 
 from stab_ros.core.types import FloatArray
-from stab_ros.nodes.transport import PROFILE
+from stab_ros.nodes.transport import FAST_DDS, loaded_fast_dds
 
 _SIZES = {"960x540 bgr8": (960, 540), "1920x1080 bgr8": (1920, 1080), "3840x2160 bgr8": (3840, 2160)}
-_PROFILES: Mapping[str, Path | None] = {"Fast DDS's own": None, "ours": PROFILE}
-_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+_PROFILES: Mapping[str, bool] = {"Fast DDS's own": False, "ours": True}
 _LISTENERS, _RATE_HZ, _DOMAIN = 2, 24.0, 71
 _HERE = Path(__file__)
 
@@ -35,7 +34,7 @@ def measure(effort: Effort) -> Section:
     """Every size with either profile; in a process of its own, since Fast DDS reads the profile once."""
     rows, data = [], {}
     for size in _SIZES:
-        found = {name: _late_ms(size, path, effort.delivered) for name, path in _PROFILES.items()}
+        found = {name: _late_ms(size, ours, effort.delivered) for name, ours in _PROFILES.items()}
         rows.append((size, *(number(value, 0) for late in found.values()
                              for value in (*np.percentile(late, [50, 95]), late.max()))))
         data[size] = {name: {"median_ms": float(np.median(late)), "p95_ms": float(np.percentile(late, 95)),
@@ -46,10 +45,12 @@ def measure(effort: Effort) -> Section:
     return Section("Delivery", [Table("How late a small message comes, ms", head, rows, note)], data)
 
 
-def _late_ms(size: str, profile: Path | None, count: int) -> FloatArray:
+def _late_ms(size: str, ours: bool, count: int) -> FloatArray:
     environment = {**os.environ, "ROS_DOMAIN_ID": str(_DOMAIN), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    environment.pop(_VARIABLE, None)
-    environment |= {_VARIABLE: str(profile)} if profile else {}
+    for one in FAST_DDS:
+        environment.pop(one.variable, None)
+    fast_dds = loaded_fast_dds()
+    environment |= {fast_dds.variable: str(fast_dds.profile)} if ours and fast_dds else {}
     listen = [sys.executable, str(_HERE.with_name("one_listener.py")), str(count)]
     listeners = [subprocess.Popen(listen, env=environment, stdout=subprocess.PIPE) for _ in range(_LISTENERS)]
     subprocess.run([sys.executable, str(_HERE), size, str(count)], env=environment, check=True)

@@ -25,7 +25,7 @@ def use_two_cores() -> None:
 def describe() -> dict[str, object]:
     """For the head of the report."""
     return {
-        "date": datetime.datetime.now(tz=datetime.UTC).isoformat(timespec="seconds"),
+        "date": datetime.datetime.now(tz=datetime.timezone.utc).isoformat(timespec="seconds"),
         "cpu": _processor(),
         "cores": {"machine": os.cpu_count(), "used": len(os.sched_getaffinity(0))},
         "memory_gb": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30, 1),

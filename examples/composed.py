@@ -18,6 +18,7 @@ from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Float64
 
 from stab_ros.nodes.tracker_node import TrackerNode
+from stab_ros.nodes.transport import use_profile
 
 
 class DriftNode(Node):
@@ -39,11 +40,12 @@ class DriftNode(Node):
 
 def main() -> None:
     """Runs both nodes until they are interrupted."""
+    use_profile()  # room for images in shared memory, as the executables have it
     rclpy.init()
-    tracker, executor = TrackerNode(), SingleThreadedExecutor()
-    for node in (tracker, DriftNode()):
+    executor = SingleThreadedExecutor()  # or a MultiThreadedExecutor
+    for node in (TrackerNode(), DriftNode()):
         executor.add_node(node)
-    tracker.prepare()  # compiles the kernels, if that was not done at installation, and begins to take images
+    # the tracker begins once the executor spins; if kernels must be compiled first, the other node need not wait
     with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
         executor.spin()
 

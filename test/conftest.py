@@ -40,7 +40,14 @@ _SLOW = {  # files with long flights, all methods at once, or whole reports
     "test_succession",
     "test_synthetic", "test_uncertainty",
 }
+_FAST = "not (dds or big or slow or thorough)"  # as `make test-fast`
 _QUICK_METHODS = {"direct"}  # which stands for all methods while one works
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """`colcon test` runs the fast tests; `--pytest-args -m ...` others."""
+    if config.option.junitprefix == "stab_ros" and not config.option.markexpr:  # colcon names its results so
+        config.option.markexpr = _FAST
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

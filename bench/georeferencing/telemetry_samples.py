@@ -16,7 +16,7 @@ import json
 import math
 import subprocess
 from collections.abc import Sequence
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +45,7 @@ console.log(JSON.stringify(out));
 def read(path: Path) -> list[Record]:
     """The records of a file; none where it is refused."""
     try:
-        return read_telemetry(path, UTC, lambda done, total: None).records
+        return read_telemetry(path, timezone.utc, lambda done, total: None).records
     except InputError:
         return []
 
@@ -98,9 +98,9 @@ def subtitles(repository: Path) -> None:
 def row_of(words: Sequence[str]) -> tuple[tuple[float, ...], int, np.ndarray]:
     """Place, UTC and covariance of a line of a solution with times of GPS."""
     if "/" in words[0]:
-        shown = datetime.strptime(" ".join(words[:2]), "%Y/%m/%d %H:%M:%S.%f").replace(tzinfo=UTC)
+        shown = datetime.strptime(" ".join(words[:2]), "%Y/%m/%d %H:%M:%S.%f").replace(tzinfo=timezone.utc)
     else:
-        shown = datetime(1980, 1, 6, tzinfo=UTC) + timedelta(weeks=int(words[0]), seconds=float(words[1]))
+        shown = datetime(1980, 1, 6, tzinfo=timezone.utc) + timedelta(weeks=int(words[0]), seconds=float(words[1]))
     values = [float(word) for word in words[2:]]
     n, e, u, ne, eu, un = (math.copysign(value**2, value) for value in values[5:11])
     utc_ns = round((shown - timedelta(seconds=18)).timestamp() * 1000) * 10**6

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from datetime import UTC
+from datetime import timezone
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
 
     zone = None if options.time_zone is None else zone_named(options.time_zone)
     timing = Timing(None if options.clock is None else TelemetryClock(options.clock),
-                    None if options.start is None else utc_named(options.start, zone or UTC), options.fps,
+                    None if options.start is None else utc_named(options.start, zone or timezone.utc), options.fps,
                     round(options.offset_s * 1e9))
     job = Telemetry(tuple(options.inputs), options.output, options.namespace, timing, zone, options.home_height,
                     options.swap, options.force)

@@ -176,7 +176,8 @@ def crs_doubt(crs: int | str) -> str | None:
     name = _name(crs)
     if name == LOCAL:
         return None
-    with warnings.catch_warnings(action="ignore"):  # what is returned here, and where to download it
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what is returned here, and where to download it
         group = TransformerGroup(_crs(name), CRS.from_epsg(4979), always_xy=True)
     if group.best_available or not group.transformers:
         return None

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING
 
 from stab_ros.core.errors import WorkError
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 
 class CsvTable:

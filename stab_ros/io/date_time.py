@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from datetime import UTC, datetime, timedelta, timezone, tzinfo
+from datetime import datetime, timedelta, timezone, tzinfo
 from typing import NamedTuple
 from zoneinfo import ZoneInfo
 
@@ -19,13 +19,13 @@ _DATE = re.compile(r"(?<!\d)(\d{4})[-./](\d{1,2})[-./](\d{1,2})(?:[ T]+|,\s*)(\d
                    + r"\s?(Z\b|UTC\b|[+-]\d{2}:?\d{2}\b)?")
 _TIME = re.compile(r"\s*(\d{1,2}):(\d{2}):(\d{2})" + _FRACTION + r"\s*")
 _ZONE = re.compile(r"([+-])(\d{1,2}):?(\d{2})")
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-GPS_EPOCH_NS = int((datetime(1980, 1, 6, tzinfo=UTC) - _EPOCH).total_seconds()) * SECOND_NS
+_EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
+GPS_EPOCH_NS = int((datetime(1980, 1, 6, tzinfo=timezone.utc) - _EPOCH).total_seconds()) * SECOND_NS
 # UTC days on which GPS began to be one more second ahead of UTC (IERS Bulletin C; the last known: none until mid 2027)
 _LEAPS = ("1981-07-01", "1982-07-01", "1983-07-01", "1985-07-01", "1988-01-01", "1990-01-01", "1991-01-01",
           "1992-07-01", "1993-07-01", "1994-07-01", "1996-01-01", "1997-07-01", "1999-01-01", "2006-01-01",
           "2009-01-01", "2012-07-01", "2015-07-01", "2017-01-01")
-_LEAPS_NS = [int((datetime.fromisoformat(day).replace(tzinfo=UTC) - _EPOCH).total_seconds()) * SECOND_NS
+_LEAPS_NS = [int((datetime.fromisoformat(day).replace(tzinfo=timezone.utc) - _EPOCH).total_seconds()) * SECOND_NS
              for day in _LEAPS]
 
 
@@ -47,7 +47,7 @@ def find_date(text: str) -> Date | None:
         return None
     year, month, day, hour, minute, second = map(int, match.groups()[:6])
     try:
-        days = (datetime(year, month, day, tzinfo=UTC) - _EPOCH).days
+        days = (datetime(year, month, day, tzinfo=timezone.utc) - _EPOCH).days
     except ValueError:
         return None
     if hour > 24 or minute > 59 or second > 60:
@@ -86,7 +86,7 @@ def zone_named(name: str) -> tzinfo:
         InputError: there is none of this name.
     """
     if name.upper() in ("UTC", "Z"):
-        return UTC
+        return timezone.utc
     try:
         return timezone(timedelta(seconds=_zone_ns(name) // SECOND_NS)) if _ZONE.fullmatch(name) else ZoneInfo(name)
     except (OSError, ValueError, KeyError) as error:  # KeyError: no such zone; ValueError: a day and more; no name

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 import warnings
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime, timezone
 from pathlib import Path
 
 import cv2
@@ -47,15 +47,21 @@ class ImageMetadata:
 def read_metadata(file: Path) -> ImageMetadata:
     """The metadata of an image file; what is missing or damaged is as if it were not there."""
     try:
-        with warnings.catch_warnings(action="ignore"), Pillow.open(file) as image:  # Pillow warns of damaged EXIF
-            pictures = getattr(image, "n_frames", 1) if image.format in _ANIMATED else 1
-            if image.format == "PNG" and "exif" not in image.info:  # for which Pillow would decode all pixels
-                return ImageMetadata(pictures=pictures)
-            exif = image.getexif()
-            known = exif.get(_ORIENTATION) in TURNS and image.format != "TIFF"
-            return ImageMetadata(exif[_ORIENTATION] if known else UPRIGHT, _taken(exif.get_ifd(_EXIF)), pictures)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # Pillow warns of damaged EXIF
+            with Pillow.open(file) as image:
+                return _metadata_of(image)
     except _DAMAGE:
         return ImageMetadata()
+
+
+def _metadata_of(image: Pillow.Image) -> ImageMetadata:
+    pictures = getattr(image, "n_frames", 1) if image.format in _ANIMATED else 1
+    if image.format == "PNG" and "exif" not in image.info:  # for which Pillow would decode all pixels
+        return ImageMetadata(pictures=pictures)
+    exif = image.getexif()
+    known = exif.get(_ORIENTATION) in TURNS and image.format != "TIFF"
+    return ImageMetadata(exif[_ORIENTATION] if known else UPRIGHT, _taken(exif.get_ifd(_EXIF)), pictures)
 
 
 def turned(image: Image, orientation: int) -> Image:
@@ -76,7 +82,7 @@ def _taken(exif: dict[int, object]) -> CaptureTime | None:
     digits = fraction.strip(" \0") if isinstance(fraction, str) else ""
     digits = digits[:9] if digits.isdecimal() else ""
     try:
-        seconds = datetime.strptime(text.strip(" \0"), "%Y:%m:%d %H:%M:%S").replace(tzinfo=UTC).timestamp()
+        seconds = datetime.strptime(text.strip(" \0"), "%Y:%m:%d %H:%M:%S").replace(tzinfo=timezone.utc).timestamp()
     except ValueError:
         return None
     return CaptureTime(int(seconds) * 10**9 + int(digits.ljust(9, "0")), 10 ** (9 - len(digits)))

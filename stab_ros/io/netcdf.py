@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
@@ -89,7 +89,7 @@ def origin_of(local_frame: LocalFrame | None) -> dict[str, Any]:
 
 def since(first_ns: int) -> dict[str, str]:
     """Attributes of times in seconds since this stamp."""
-    return {"units": f"seconds since {datetime.fromtimestamp(first_ns // 10**9, UTC):%Y-%m-%d %H:%M:%S}."
+    return {"units": f"seconds since {datetime.fromtimestamp(first_ns // 10**9, timezone.utc):%Y-%m-%d %H:%M:%S}."
                      f"{first_ns % 10**9:09d}", "calendar": "standard"}
 
 

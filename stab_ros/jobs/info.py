@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from contextlib import closing
-from datetime import UTC, datetime
+from datetime import datetime, timezone
 from pathlib import Path
 
 from stab_ros.core.errors import MessageError
@@ -74,7 +74,7 @@ def _span(reader: BagReader) -> str:
 
 def _utc(time_ns: int) -> str:
     try:
-        return f"from {datetime.fromtimestamp(time_ns / 1e9, UTC):%Y-%m-%d %H:%M:%S} UTC"
+        return f"from {datetime.fromtimestamp(time_ns / 1e9, timezone.utc):%Y-%m-%d %H:%M:%S} UTC"
     except (OverflowError, ValueError, OSError):
         return f"from {time_ns} ns"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, tzinfo
+from datetime import timezone, tzinfo
 from operator import itemgetter
 from pathlib import Path
 from typing import TypeVar
@@ -116,7 +116,7 @@ def convert_telemetry(job: Telemetry, progress: Progress) -> Converted:
 
 
 def _read(job: Telemetry, source: Path, progress: Progress) -> _File:
-    recorded = mended(read_telemetry(source, job.zone or UTC, progress), job.swap)
+    recorded = mended(read_telemetry(source, job.zone or timezone.utc, progress), job.swap)
     clock, warnings = clock_of(recorded, job.timing), list(recorded.warnings)
     dated = clock is TelemetryClock.UTC or (job.timing.start_ns is not None and not recorded.of_video)
     if dated and recorded.zoneless and job.zone is None:

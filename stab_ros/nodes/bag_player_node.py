@@ -57,6 +57,8 @@ class BagPlayerNode(StabNode):
     At the end it ends, or is inactive where it was activated from outside, and begins anew with the next activation.
     """
 
+    COMPOSABLE = False
+
     def __init__(self, given: Mapping[str, object]) -> None:
         super().__init__("bag_player_node", given)
 

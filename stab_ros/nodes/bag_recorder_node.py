@@ -36,6 +36,8 @@ class RecorderSettings(Checked):
 class BagRecorderNode(StabNode):
     """Writes every message of `topics` (if empty: of all topics) while active; cleanup completes the file."""
 
+    COMPOSABLE = False
+
     def __init__(self, given: Mapping[str, object]) -> None:
         super().__init__("bag_recorder_node", given)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import QoSProfile
@@ -31,6 +31,11 @@ from stab_ros.parameters.discharge import DISCHARGE_PARAMETERS, discharge_config
 from stab_ros.parameters.node_settings import DischargeSettings
 from stab_ros.velocimetry.vectors import Vectors
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from stab_ros.nodes.node_options import NodeOptions
+
 SETTINGS = params.table_of(DischargeSettings)
 CHANGEABLE = frozenset(name for name, _, _ in settings_of(DischargeConfig))  # section and window stay as they are
 
@@ -38,8 +43,8 @@ CHANGEABLE = frozenset(name for name, _, _ in settings_of(DischargeConfig))  # s
 class DischargeNode(StabNode):
     """Publishes a discharge, or why there is none, every `every_s` by the stamps of the velocities."""
 
-    def __init__(self) -> None:
-        super().__init__("discharge_node")
+    def __init__(self, **options: Unpack[NodeOptions]) -> None:
+        super().__init__("discharge_node", **options)
 
     # lifecycle -------------------------------------------------------------------------------------------------------
     def configure(self) -> None:

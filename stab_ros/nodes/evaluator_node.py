@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.kernels import Compilation
@@ -29,6 +29,11 @@ from stab_ros.parameters.engines import make_evaluator
 from stab_ros.parameters.node_settings import EvaluatorSettings
 from stab_ros.parameters.table import EVALUATOR_PARAMETERS, evaluator_config
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from stab_ros.nodes.node_options import NodeOptions
+
 _LOG_EVERY_S = 5.0
 _BURST = 50  # messages at most that are taken before a frame is measured
 # Limits of waits, in free time: with no message to take and no frame to measure
@@ -48,9 +53,10 @@ class EvaluatorNode(StabNode):
     """Takes all messages that arrive, and measures one frame after the other."""
 
     COMPUTES = True
+    COMPOSABLE = False
 
-    def __init__(self) -> None:
-        super().__init__("evaluator_node")
+    def __init__(self, **options: Unpack[NodeOptions]) -> None:
+        super().__init__("evaluator_node", **options)
 
     # lifecycle and main loop -----------------------------------------------------------------------------------------
     def configure(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stab_ros.core.settings import Value
 from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
@@ -21,6 +21,11 @@ from stab_ros.parameters.engines import check_georeference, make_georeferencer, 
 from stab_ros.parameters.node_settings import GeoreferenceSettings
 from stab_ros.parameters.table import GEOREFERENCE_PARAMETERS, georeference_config
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from stab_ros.nodes.node_options import NodeOptions
+
 SETTINGS = params.table_of(GeoreferenceSettings)
 CHANGEABLE = frozenset(GEOREFERENCE_PARAMETERS) - {"camera_file", "crs", "origin"}  # the map stays as it is
 
@@ -28,8 +33,8 @@ CHANGEABLE = frozenset(GEOREFERENCE_PARAMETERS) - {"camera_file", "crs", "origin
 class GeoreferenceNode(PlacingNode):
     """Publishes for every image where it lies on the water plane, and its orthophoto."""
 
-    def __init__(self) -> None:
-        super().__init__("georeference_node")
+    def __init__(self, **options: Unpack[NodeOptions]) -> None:
+        super().__init__("georeference_node", **options)
 
     def configure(self) -> None:
         wse_m = params.given(self, "wse_m")

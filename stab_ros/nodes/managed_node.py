@@ -13,7 +13,7 @@ with `cleanup`; what `activate` made, with `deactivate`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState
@@ -32,6 +32,7 @@ from stab_ros.io.cdr import SECOND_NS
 from stab_ros.io.diagnostics_message import OK, WARN, diagnostics_cdr
 from stab_ros.io.topics import DIAGNOSTICS_TOPIC
 from stab_ros.nodes import params
+from stab_ros.nodes.background_compilation import BackgroundCompilation
 from stab_ros.nodes.diagnostic_status import DiagnosticStatus
 from stab_ros.nodes.failures import Failures
 from stab_ros.nodes.free_time import FreeTime
@@ -39,6 +40,11 @@ from stab_ros.nodes.qos_overrides import PREFIX, check_overrides, overridden, un
 from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.stopping import StopRequest
 from stab_ros.parameters.node_settings import ManagedSettings
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from stab_ros.nodes.node_options import NodeOptions
 
 _NO_CLOCK = "use_sim_time is set, but nobody publishes /clock; the time is zero until somebody does"
 _SIM_TIME = "Whether the time of diagnostics and recordings is that of /clock; results are timed by header stamps"
@@ -62,19 +68,21 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
     """
 
     COMPUTES: ClassVar[bool] = False  # whether it uses kernels, which are compiled before it takes images
+    COMPOSABLE: ClassVar[bool] = True  # whether callbacks do its work, so that any executor can spin it
 
-    def __init__(self, name: str, given: Mapping[str, Any] | None = None) -> None:
+    def __init__(self, name: str, given: Mapping[str, Any] | None = None, **options: Unpack[NodeOptions]) -> None:
         """Makes the node, and configures it unless `autostart` is false.
 
         Args:
             name: of the node, unless it is remapped.
             given: parameters that are overridden.
+            options: as of rclpy's node.
 
         Raises:
             InputError: a parameter cannot be used.
         """
         try:
-            params.DeclaringNode.__init__(self, name, given)
+            params.DeclaringNode.__init__(self, name, given, **options)
             LifecycleNodeMixin.__init__(self)
             self._refuse_impossible_transitions()
         except ValueError as error:
@@ -83,6 +91,7 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
             raise InputError(f"the node cannot be made: {str(error).split(', at ')[0]}") from error
         self.stop, self.free = StopRequest(), FreeTime()
         self.is_configured = self.is_active = self.waits = False
+        self._compilation: BackgroundCompilation | None = None  # in an executor of somebody else
         self._refusal: StabRosError | None = None  # of the last transition
         self._closing: list[Callable[[], None]] = []
         self._before = _Made(self)  # what there was before `configure`
@@ -268,7 +277,26 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
             self.free.ticked(_POLL_NS)
             self.poll()
         elif self._starts and not self.waits:
+            self._start()
+
+    def _start(self) -> None:
+        """What `run` does else: the executor that calls this is not ours. Others' callbacks do not wait meanwhile."""
+        if not self.COMPOSABLE:
+            self._starts = False
+            self.get_logger().error("does nothing in an executor of another program, as its work is a loop of its "
+                                    "own; start its executable instead")
+        elif self._is_compiled():
             self.prepare()
+
+    def _is_compiled(self) -> bool:
+        if not self.COMPUTES:
+            return True
+        if self._compilation is None:
+            self._compilation = BackgroundCompilation()
+        self.on_compilation(self._compilation.progress)
+        if self._compilation.done:
+            self._compilation.tell(self.get_logger())
+        return self._compilation.done
 
     def _report_state(self) -> None:
         if self.is_configured:

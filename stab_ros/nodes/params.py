@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
-from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
@@ -15,6 +14,11 @@ from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.settings import Range, Value, checked, did_you_mean
 from stab_ros.nodes.qos_overrides import PREFIX
 from stab_ros.parameters.table import Parameter, parameters_of
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from stab_ros.nodes.node_options import NodeOptions
 
 _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "autostart")
 _LARGEST_INTEGER = 2**63 - 1
@@ -28,20 +32,22 @@ class DeclaringNode(Node):
         autostart: whether it configures itself; if not, nothing is read-only.
     """
 
-    def __init__(self, name: str, given: Mapping[str, Any] | None = None, context: Context | None = None) -> None:
+    def __init__(self, name: str, given: Mapping[str, Any] | None = None, **options: Unpack[NodeOptions]) -> None:
         """Makes the node with what is given declared as it comes, so that `declare` can judge it.
 
         Args:
             name: of the node, unless it is remapped.
             given: parameters that are overridden.
-            context: of rclpy; None: the default one.
+            options: as of rclpy's node.
 
         Raises:
             ValueError: a parameter was given an empty value.
         """
-        overrides = [RosParameter(key, value=value) for key, value in (given or {}).items()]
-        super().__init__(name, context=context, automatically_declare_parameters_from_overrides=True,
-                         allow_undeclared_parameters=True, parameter_overrides=overrides)
+        options.setdefault("node_name", name)
+        options["parameter_overrides"] = [*options.get("parameter_overrides", []),
+                                          *(RosParameter(key, value=value) for key, value in (given or {}).items())]
+        super().__init__(automatically_declare_parameters_from_overrides=True, allow_undeclared_parameters=True,
+                         **options)
         self.defaulted: dict[str, Value] = {}
         self.autostart = True
 

@@ -6,7 +6,6 @@ import importlib
 import os
 import re
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,15 +13,12 @@ from typing import Any
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.signals import SignalHandlerOptions
 
 from stab_ros.core.errors import InputError
-from stab_ros.core.kernels import Compilation
 from stab_ros.core.memory import keep_freed_memory
 from stab_ros.io.installed_types import python_folders
-from stab_ros.jobs.compiling import not_kept
 from stab_ros.nodes import log_folder
 from stab_ros.nodes.background_compilation import BackgroundCompilation
 from stab_ros.nodes.managed_node import StabNode
@@ -77,7 +73,7 @@ def _spin(node: StabNode, stop: StopRequest, compilation: BackgroundCompilation 
 
 def _compile(node: StabNode, spinner: Spinner, compilation: BackgroundCompilation) -> None:
     """Spins the node until its kernels are compiled; logs it unless all were found in the cache."""
-    log, started_s, logged = node.get_logger(), time.monotonic(), False
+    log, logged = node.get_logger(), False
     while not (compilation.done or spinner.stopping):
         if node.is_configured:
             node.on_compilation(compilation.progress)
@@ -86,14 +82,7 @@ def _compile(node: StabNode, spinner: Spinner, compilation: BackgroundCompilatio
             log.info("compiling kernels, once after an installation; no images are taken until that is done")
         spinner.once()
     if compilation.done:
-        _log_compilation(log, compilation.result, time.monotonic() - started_s)
-
-
-def _log_compilation(log: RcutilsLogger, result: Compilation, seconds: float) -> None:
-    if result.compiled:
-        log.info(f"compiled {result.compiled} of {result.total} kernels in {seconds:.1f} s")
-    if result.trouble:
-        log.warning(not_kept(result.trouble))
+        compilation.tell(log)
 
 
 def _init() -> str:

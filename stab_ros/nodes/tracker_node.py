@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from std_srvs.srv import Trigger
 
@@ -38,6 +38,11 @@ from stab_ros.tracking.stabilizer import Stabilizer
 from stab_ros.tracking.start_buffer import GroundState
 from stab_ros.tracking.static_map import StaticMap
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from stab_ros.nodes.node_options import NodeOptions
+
 SETTINGS = params.table_of(TrackerSettings)
 # everything of the engine but the camera and the map, which are fixed once the first frame has been taken
 CHANGEABLE = frozenset(PARAMETERS) - {"use_camera_info", "static_map"}
@@ -58,8 +63,8 @@ class TrackerNode(StabNode):
 
     COMPUTES = True
 
-    def __init__(self) -> None:
-        super().__init__("tracker_node")
+    def __init__(self, **options: Unpack[NodeOptions]) -> None:
+        super().__init__("tracker_node", **options)
 
     # lifecycle -------------------------------------------------------------------------------------------------------
     def configure(self) -> None:

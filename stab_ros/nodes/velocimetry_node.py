@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.settings import Value
@@ -39,6 +39,11 @@ from stab_ros.tracking.static_map import StaticMap
 from stab_ros.velocimetry.pictures import Stream
 from stab_ros.velocimetry.velocimeter import Measured, Velocimeter
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from stab_ros.nodes.node_options import NodeOptions
+
 SETTINGS = params.table_of(VelocimetrySettings)
 CHANGEABLE = frozenset(OWN_VELOCITY_PARAMETERS) - {"grid_m"}  # where frames lie stays as it is
 
@@ -57,8 +62,8 @@ class VelocimetryNode(PlacingNode):
 
     settings: VelocimetrySettings
 
-    def __init__(self) -> None:
-        super().__init__("velocimetry_node")
+    def __init__(self, **options: Unpack[NodeOptions]) -> None:
+        super().__init__("velocimetry_node", **options)
 
     def configure(self) -> None:
         given = [name for name in VELOCITY_PARAMETERS if params.given(self, name) is not None]

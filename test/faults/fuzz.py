@@ -18,7 +18,6 @@ import time
 import traceback
 import zlib
 from collections.abc import Iterator, Sequence
-from contextlib import chdir
 from dataclasses import asdict, dataclass, field
 from mmap import mmap
 from pathlib import Path
@@ -129,10 +128,11 @@ def child(name: str, seed: int, first: int, count: int, seeds: Path, place: Path
 # the parent -----------------------------------------------------------------------------------------------------------
 def run_child(name: str, seed: int, first: int, count: int, seeds: Path) -> Result:
     """One target in a process of its own, which may crash or hang."""
-    with TemporaryDirectory(dir=_SHARED_MEMORY if _SHARED_MEMORY.is_dir() else None) as folder, chdir(folder):
+    with TemporaryDirectory(dir=_SHARED_MEMORY if _SHARED_MEMORY.is_dir() else None) as folder:
         place = Path(folder) / "place"
         place.write_bytes((2**64 - 1).to_bytes(8, "little"))
-        with Path("out").open("w+b") as out, Path("err").open("w+b") as err:
+        said = {stream: place.with_name(stream) for stream in ("out", "err")}
+        with said["out"].open("w+b") as out, said["err"].open("w+b") as err:
             command = [sys.executable, str(FOLDER / "fuzz.py"), "--child", name, "--seed", str(seed),
                        "--first", str(first), "--inputs", str(count), "--seeds", str(seeds), "--place", str(place)]
             process = subprocess.Popen(command, stdout=out, stderr=err, cwd=folder,
@@ -141,9 +141,9 @@ def run_child(name: str, seed: int, first: int, count: int, seeds: Path) -> Resu
         last = int.from_bytes(place.read_bytes(), "little")
         if hung or process.returncode:
             what = f"takes more than {INPUT_S:g} s" if hung else f"ends the process with {process.returncode}"
-            said = Path("err").read_text(encoding="utf-8", errors="replace")[-2000:]
-            return Result(name, failures=[f"input {last}: {what}\n{said}"])
-        return Result(**json.loads(Path("out").read_text(encoding="utf-8")))
+            errors = said["err"].read_text(encoding="utf-8", errors="replace")[-2000:]
+            return Result(name, failures=[f"input {last}: {what}\n{errors}"])
+        return Result(**json.loads(said["out"].read_text(encoding="utf-8")))
 
 
 def _watched(process: subprocess.Popen[bytes], place: Path, name: str, count: int, first: int) -> bool:

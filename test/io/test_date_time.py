@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import datetime, timezone
 from pathlib import Path
 
 import pytest
@@ -27,7 +27,7 @@ TAI_MINUS_GPS_S = 19
 
 
 def unix_ns(text: str, rest_ns: int = 0) -> int:
-    return int(datetime.fromisoformat(text).replace(tzinfo=UTC).timestamp()) * SECOND_NS + rest_ns
+    return int(datetime.fromisoformat(text).replace(tzinfo=timezone.utc).timestamp()) * SECOND_NS + rest_ns
 
 
 @pytest.mark.parametrize(("text", "time_ns"), [
@@ -49,15 +49,15 @@ def test_dates_of_all_kinds_are_read_to_the_ns(text: str, time_ns: int) -> None:
 def test_what_is_no_date_is_none(text: str) -> None:
     assert find_date(text) is None
     with pytest.raises(InputError, match="no date with a time, it must be as"):
-        utc_named(text, UTC)
+        utc_named(text, timezone.utc)
 
 
 @settings(deadline=None, derandomize=True)
 @given(st.datetimes(datetime(1970, 1, 2), datetime(2200, 1, 1)), st.sampled_from(
     ["UTC", "+10:00", "-03:30", "Europe/London", "Australia/Brisbane", "America/New_York"]))
 def test_local_dates_become_utc_as_datetime_has_it(local: datetime, name: str) -> None:
-    expected = local.replace(tzinfo=zone_named(name)).astimezone(UTC)
-    since = expected - datetime(1970, 1, 1, tzinfo=UTC)
+    expected = local.replace(tzinfo=zone_named(name)).astimezone(timezone.utc)
+    since = expected - datetime(1970, 1, 1, tzinfo=timezone.utc)
     assert utc_named(f"{local:%Y-%m-%d %H:%M:%S.%f}", zone_named(name)) == (
         (since.days * 86400 + since.seconds) * SECOND_NS + since.microseconds * 1000)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from datetime import UTC, datetime, timedelta, timezone, tzinfo
+from datetime import datetime, timedelta, timezone, tzinfo
 from pathlib import Path
 
 import numpy as np
@@ -22,10 +22,10 @@ from stab_ros.io.telemetry_mending import mended
 from stab_ros.io.telemetry_record import Record, Recorded
 
 S = 10**9
-NOON_NS = int(datetime(2022, 8, 7, 12, tzinfo=UTC).timestamp()) * S
+NOON_NS = int(datetime(2022, 8, 7, 12, tzinfo=timezone.utc).timestamp()) * S
 
 
-def read(path: Path, text: str | bytes, zone: tzinfo = UTC) -> Recorded:
+def read(path: Path, text: str | bytes, zone: tzinfo = timezone.utc) -> Recorded:
     path.write_bytes(text.encode() if isinstance(text, str) else text)
     return read_telemetry(path, zone, lambda done, total: None)
 
@@ -133,7 +133,7 @@ def test_a_solution_of_rtklib(tmp_path: Path) -> None:
     recorded = read(tmp_path / "a.pos", header + DEGREES + ROW + "  -0.0500   0.0200   0.0100   0.00    1.6\n")
     (record,) = recorded.records
     assert (record.latitude_deg, record.longitude_deg, record.height_m) == (32.064101442, 34.800189222, 94.8836)
-    assert record.utc_ns == int(datetime(2026, 1, 14, 21, 17, 11, tzinfo=UTC).timestamp()) * S
+    assert record.utc_ns == int(datetime(2026, 1, 14, 21, 17, 11, tzinfo=timezone.utc).timestamp()) * S
     assert (record.since_start_ns, record.status) == (None, GBAS_FIX)
     close(record.covariance_m2, [
         [0.1341**2, -(0.05**2), 0.02**2], [-(0.05**2), 0.088**2, 0.01**2], [0.02**2, 0.01**2, 0.3388**2]])
@@ -152,7 +152,7 @@ def test_a_covariance_that_rounding_made_none_is_mended(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("system", "hour"), [("GPST", -18 / 3600), ("UTC ", 0), ("JST ", -9)])
 def test_time_systems_of_rtklib(tmp_path: Path, system: str, hour: float) -> None:
     (record,) = read(tmp_path / "a.pos", DEGREES.replace("GPST", system) + ROW + "\n").records
-    shown = datetime(2026, 1, 14, 21, 17, 29, tzinfo=UTC) + timedelta(hours=hour)
+    shown = datetime(2026, 1, 14, 21, 17, 29, tzinfo=timezone.utc) + timedelta(hours=hour)
     assert record.utc_ns == round(shown.timestamp()) * S
 
 
@@ -161,7 +161,7 @@ def test_week_and_second_of_week(tmp_path: Path) -> None:
     first, second = read(tmp_path / "a.pos", DEGREES + rows).records
     assert first.utc_ns is not None
     assert second.utc_ns == first.utc_ns + S // 4
-    assert first.utc_ns == int(datetime(2026, 1, 17, 23, 59, 41, tzinfo=UTC).timestamp()) * S + 875_000_000
+    assert first.utc_ns == int(datetime(2026, 1, 17, 23, 59, 41, tzinfo=timezone.utc).timestamp()) * S + 875_000_000
     assert (first.status, second.status) == (GBAS_FIX, FIX)
 
 
@@ -314,7 +314,7 @@ def test_no_table_is_refused(tmp_path: Path, text: str, says: str) -> None:
 def test_missing_and_unknown_files_are_refused(tmp_path: Path) -> None:
     for path, says in ((tmp_path / "no.srt", "no such file"), (tmp_path, "is no telemetry by its name")):
         with pytest.raises(InputError, match=f"{says}, it must be a DJI .srt, an RTKLIB .pos or a .csv"):
-            read_telemetry(path, UTC, lambda done, total: None)
+            read_telemetry(path, timezone.utc, lambda done, total: None)
 
 
 # mending --------------------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
-from datetime import UTC, datetime
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from stab_ros.jobs.info import describe
 from stab_ros.jobs.telemetry import Converted, Telemetry, convert_telemetry
 
 S = 10**9
-NOON_NS = int(datetime(2022, 8, 7, 12, tzinfo=UTC).timestamp()) * S
+NOON_NS = int(datetime(2022, 8, 7, 12, tzinfo=timezone.utc).timestamp()) * S
 FPS = 30000 / 1001
 POS = ("%  UTC                   latitude(deg) longitude(deg)  height(m)   Q  ns   sdn(m)   sde(m)   sdu(m)  sdne(m)\n"
        "2022/08/07 12:00:00.200   55.010000001   -1.670000001    93.4000   1  12   0.0200   0.0100   0.0300   0.0000\n"
@@ -135,7 +135,7 @@ def test_dates_in_the_zone_that_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("name", "options", "warned"), [
     ("a.srt", {}, False), ("a.srt", {"timing": Timing(TelemetryClock.UTC)}, True),
-    ("a.srt", {"timing": Timing(TelemetryClock.UTC), "zone": UTC}, False), ("a.pos", {}, False)])
+    ("a.srt", {"timing": Timing(TelemetryClock.UTC), "zone": timezone.utc}, False), ("a.pos", {}, False)])
 def test_dates_without_a_zone_are_warned_of(tmp_path: Path, name: str, options: dict[str, Any], warned: bool) -> None:
     _, done = converted(tmp_path, name, POS if name == "a.pos" else subtitles(3), **options)
     assert any("name no time zone and are taken as UTC" in line for line in done.warnings) == warned

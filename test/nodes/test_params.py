@@ -29,7 +29,7 @@ def make_node(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Declari
     nodes: list[DeclaringNode] = []
 
     def make(**given_values: Any) -> DeclaringNode:
-        nodes.append(params.DeclaringNode("node", given_values, context))
+        nodes.append(params.DeclaringNode("node", given_values, context=context))
         return nodes[-1]
 
     yield make

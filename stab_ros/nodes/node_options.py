@@ -1,0 +1,24 @@
+"""What the constructor of each node takes, so that it can live in a process of somebody else."""
+
+from __future__ import annotations
+
+from typing import TypedDict
+
+from rclpy.context import Context
+from rclpy.parameter import Parameter
+
+
+class NodeOptions(TypedDict, total=False):
+    """Keyword arguments with the meaning that they have for `rclpy.node.Node`.
+
+    use_global_arguments: whether remappings and parameters of the process, such as `__node` and `__ns`, hold for the
+    node as well; without them, `cli_args` can name its own.
+    """
+
+    node_name: str
+    context: Context
+    namespace: str
+    cli_args: list[str]
+    use_global_arguments: bool
+    parameter_overrides: list[Parameter]
+    enable_logger_service: bool
