@@ -95,7 +95,7 @@ def overridden(node: Node, entity: Entity, topic: str, qos: QoSProfile) -> tuple
 def _meant(name: str) -> str:
     """A question about the part of a name that is none of rclpy's."""
     _, *parts = name.removeprefix(PREFIX).rsplit(".", 2)
-    known = ([*_SHOWN], [*_POLICIES])
+    known: tuple[list[str], list[str]] = ([*_SHOWN], [*_POLICIES])
     return next((did_you_mean(part, right) for part, right in zip(parts, known, strict=False) if part not in right), "")
 
 
