@@ -7,32 +7,37 @@ beside others it refuses. As strings of JSON they reach the parameters whole, wh
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import yaml
+
+from stab_ros.core.errors import InputError
 
 _PARAMETER, _FILE = ("-p", "--param"), "--params-file"
 _LIMIT = 2**20  # characters that are looked through; rcl gets longer ones as they are
 _NUMBERS = {"tag:yaml.org,2002:int", "tag:yaml.org,2002:float"}
 
 
-def with_lists_as_text(words: Sequence[str], folder: Path) -> list[str]:
+def with_lists_as_text(words: Sequence[str], folder: Callable[[], Path]) -> list[str]:
     """The words of a command line, with all such lists in parameters and in parameter files as text.
 
     Args:
         words: of the command line.
-        folder: where files that hold such lists are written anew; it may go once rcl has read them.
+        folder: makes a new folder, for a file that holds such lists to be written anew; it may go once rcl has read it.
+
+    Raises:
+        InputError: the file cannot be written.
     """
     told, of_ros, before = list[str](), False, ""
-    for number, word in enumerate(words):
+    for word in words:
         of_ros = word == "--ros-args" or (of_ros and word != "--")
-        told.append(_told(before, word, folder / str(number)) if of_ros else word)
+        told.append(_told(before, word, folder) if of_ros else word)
         before = word
     return told
 
 
-def _told(before: str, word: str, folder: Path) -> str:
+def _told(before: str, word: str, folder: Callable[[], Path]) -> str:
     """A word behind another one."""
     if before in _PARAMETER:
         name, separator, value = word.partition(":=")
@@ -77,7 +82,7 @@ def _end_of(node: yaml.Node) -> int:
     return int(node.end_mark.index)
 
 
-def _rewritten(name: str, folder: Path) -> str:
+def _rewritten(name: str, folder: Callable[[], Path]) -> str:
     """The name of a file with the same parameters that rcl can hold: the same one where nothing is to be changed."""
     try:
         text = Path(name).read_text(encoding="utf-8")
@@ -86,7 +91,10 @@ def _rewritten(name: str, folder: Path) -> str:
     told = lists_as_text(text)
     if told == text:
         return name
-    folder.mkdir()
-    copy = folder / Path(name).name
-    copy.write_text(told, encoding="utf-8")
+    try:
+        copy = folder() / Path(name).name
+        copy.write_text(told, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{name}: its lists of lists cannot be passed on to ROS, as no temporary file can be written "
+                         f"({error.strerror}); write them in quotes, as '[[[x, y], ...], ...]'") from error
     return str(copy)

@@ -7,6 +7,7 @@ import os
 import re
 import sys
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -91,8 +92,9 @@ def _init() -> str:
     warning = log_folder.problem(os.environ)
     words = [*sys.argv, *(log_folder.NO_LOG_FILE if warning else ())]
     try:
-        with TemporaryDirectory(prefix="stab_ros_") as folder:  # rcl has read all files once it is initialised
-            rclpy.init(args=with_lists_as_text(words, Path(folder)), signal_handler_options=SignalHandlerOptions.NO)
+        with ExitStack() as files:  # which rcl has read once it is initialised
+            told = with_lists_as_text(words, lambda: Path(files.enter_context(TemporaryDirectory(prefix="stab_ros_"))))
+            rclpy.init(args=told, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # rclpy's RCLError is not public
         raise InputError(f"the ROS arguments cannot be used: {str(error).split(', at ')[0]}") from error
     set_logger_level("rcl", LoggingSeverity.UNSET)

@@ -84,7 +84,8 @@ def test_signal_during_start(graph: Graph, module: str, number: int) -> None:
     ("name", "arguments", "said"),
     [
         ("tracker_node", ["-p", "method:=magic"], "method: 'magic' is unknown, it must be one of"),
-        ("tracker_node", ["-p", "roi:=[[[0, 0], [1, 0], [1, 1]]]"], "roi: "),
+        ("tracker_node", ["-p", "roi:=[[[0, 0], [1, 0]]]"], "roi: a polygon needs at least 3 points"),
+        ("tracker_node", ["-p", "roi:=[0, 410]"], "roi: the value must be JSON"),  # what rcl leaves of nested lists
         ("tracker_node", ["-p", "method:=ssim_s"], "method: 'ssim_s' is unknown, did you mean ssims"),
         ("tracker_node", ["-p", "points_file:=missing.csv"], "missing.csv"),
         ("tracker_node", ["-p", "exclude:=missing.png"], "exclude: 'missing.png' is neither"),

@@ -11,6 +11,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from stab_ros.core.errors import InputError
 from stab_ros.nodes.nested_lists import lists_as_text, with_lists_as_text
 from stab_ros.nodes.parameter_files import files_for_others, is_for
 
@@ -41,10 +42,12 @@ def test_whole_numbers_beside_others_become_text() -> None:
 
 def test_comments_and_other_keys_of_a_file_stay(tmp_path: Path) -> None:
     config = tmp_path / "my.yaml"
+    new = tmp_path / "new"
+    new.mkdir()
     config.write_text("/**:\n  ros__parameters:\n    exclude:  # water\n      - [0, 1]\n      - [2, 3]\n    # ground\n"
                       "    roi: [[[4, 5]]]  # bank\n    start_s: 1e0\n")
     words = ["tracker_node", "--ros-args", "--params-file", str(config), "-p", "lines:=[[0, 1]]"]
-    told = with_lists_as_text([*words, "--", "-p", "a:=[[1]]"], tmp_path)
+    told = with_lists_as_text([*words, "--", "-p", "a:=[[1]]"], lambda: new)
     assert told[4:] == ["-p", "lines:='[[0, 1]]'", "--", "-p", "a:=[[1]]"]
     assert Path(told[3]).read_text() == (
         "/**:\n  ros__parameters:\n    exclude:  # water\n       '[[0, 1], [2, 3]]'\n    # ground\n"
@@ -55,7 +58,18 @@ def test_files_and_words_that_need_nothing_are_passed_on_as_they_are(tmp_path: P
     config = tmp_path / "my.yaml"
     config.write_text("/**:\n  ros__parameters: {start_s: 1.0}\n")
     words = ["x", "-p", "a:=[[1]]", "--ros-args", "-r", "__ns:=/a", "--params-file", str(config), "--params-file", "no"]
-    assert with_lists_as_text(words, tmp_path) == words
+    assert with_lists_as_text(words, _none) == words
+
+
+def _none() -> Path:
+    raise OSError(30, "Read-only file system")
+
+
+def test_a_file_that_cannot_be_written_anew_is_one_line(tmp_path: Path) -> None:
+    config = tmp_path / "my.yaml"
+    config.write_text("/**:\n  ros__parameters: {roi: [[0, 1]]}\n")
+    with pytest.raises(InputError, match=r"my.yaml: .* \(Read-only file system\); write them in quotes"):
+        with_lists_as_text(["x", "--ros-args", "--params-file", str(config)], _none)
 
 
 @pytest.mark.parametrize(("pattern", "node", "fits"), [

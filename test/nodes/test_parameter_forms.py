@@ -63,6 +63,7 @@ def test_the_words_of_readme_for_a_node(graph: Graph) -> None:
     assert taken(graph, *words[1:])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("form", shorter_forms())
 def test_the_shorter_forms_for_a_node(form: str, graph: Graph) -> None:
     assert taken(graph, "-p", f"exclude:={form}")
@@ -107,6 +108,7 @@ def test_the_words_and_the_file_of_readme_for_a_command(
 FLAT = [number for corner in POLYGON for number in corner]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("value", [
     ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=json.dumps([POLYGON])),  # of `ros2 param set`
     ParameterValue(type=ParameterType.PARAMETER_INTEGER_ARRAY, integer_array_value=FLAT),
@@ -121,6 +123,7 @@ def test_lists_that_are_set_at_run_time(value: Any, graph: Graph) -> None:
     assert (read_area({"exclude": text_of(graph)}).allowed(SIZE) == EXPECTED).all()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("node", "name", "value"), [
     ("tracker_node", "manual_points", [[60, 50], [330, 60.5], [340, 240], [70, 230]]),
     ("tracker_node", "klt.passes", [21, 5]), ("tracker_node", "fft.passes", [32, 16]),

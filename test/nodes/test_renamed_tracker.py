@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from georeferenced_stream import shot
 from launch_files import ROOT
@@ -63,6 +64,7 @@ def test_a_reference_that_nobody_publishes_is_told_once(graph: Graph) -> None:
     assert "remap it, as -r tracker_node/reference_image:=NAME" in line
 
 
+@pytest.mark.thorough
 def test_a_remapped_reference_is_taken_from_there(graph: Graph) -> None:
     graph.start("evaluator_node", "/cam", remap={"tracker_node/reference_image": "/elsewhere/first"})
     graph.node.create_publisher(Image, "/cam/image_stabilized", 10)
@@ -70,6 +72,7 @@ def test_a_remapped_reference_is_taken_from_there(graph: Graph) -> None:
     assert not graph.node.count_subscribers("/cam/tracker_node/reference_image")
 
 
+@pytest.mark.thorough
 def test_tracks_of_a_renamed_tracker_reach_georeferencing(graph: Graph) -> None:
     graph.start("tracker_node", remap={"__node": "stabiliser"}, queue_depth=0, start_s=0.0, wait_for_subscribers=1)
     heard = graph.listen(DiagnosticArray, "/georeference_node/status")
@@ -84,6 +87,7 @@ def test_tracks_of_a_renamed_tracker_reach_georeferencing(graph: Graph) -> None:
     assert {values_of(one)["state"] for one in heard} == {"PLACED"}
 
 
+@pytest.mark.thorough
 def test_homographies_without_tracks_are_told(graph: Graph) -> None:
     node = graph.start("georeference_node", "/cam", orientation="dynamic_stabilization", height_m=25.0,
                        use_camera_info=False)
