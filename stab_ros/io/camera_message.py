@@ -16,7 +16,7 @@ from rosbags.typesys.stores import ros2_jazzy as ros
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.geometry import shift
 from stab_ros.imaging.camera import Camera
-from stab_ros.io.cdr import CAMERA_INFO, deserialize
+from stab_ros.io.cdr import CAMERA_INFO, Header, deserialize, header_message, serialize
 
 
 def read_camera(cdr: bytes | memoryview) -> Camera:
@@ -48,6 +48,17 @@ def _roi(message: ros.sensor_msgs__msg__CameraInfo) -> tuple[int, int, int, int]
                            f"{message.width}x{message.height} px of width and height, which must be those of the whole "
                            "sensor")
     return x, y, width, height
+
+
+def camera_cdr(camera: Camera | None, size: tuple[int, int], header: Header) -> bytes:
+    """CameraInfo of an image of `size`, width and height, px; None: of an uncalibrated camera, with K all zero."""
+    K = np.zeros((3, 3)) if camera is None else np.asarray(camera.K, np.float64)
+    D, model = (np.zeros(5), "plumb_bob") if camera is None else (np.asarray(camera.D, np.float64), camera.model)
+    message = ros.sensor_msgs__msg__CameraInfo(
+        header=header_message(header), height=size[1], width=size[0], distortion_model=model, d=D, k=K.ravel(),
+        r=np.eye(3).ravel(), p=np.column_stack([K, np.zeros(3)]).ravel(), binning_x=0, binning_y=0,
+        roi=ros.sensor_msgs__msg__RegionOfInterest(x_offset=0, y_offset=0, height=0, width=0, do_rectify=False))
+    return serialize(message, CAMERA_INFO)
 
 
 def read_corrected(cdr: bytes | memoryview) -> tuple[tuple[int, int], Camera | None]:

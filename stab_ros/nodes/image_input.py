@@ -42,6 +42,15 @@ class ImageInput:
                                                   "let it offer RELIABLE, or set queue_depth:=1")
         return self._subscription.topic
 
+    def close(self) -> None:
+        """Ends the subscription, until `open` is called again; images that are held are dropped."""
+        if self._subscription is not None:
+            self._subscription.close()
+        self._subscription = None
+        self._gaps.suspend()
+        self._dropped(len(self._held))
+        self._held.clear()
+
     @property
     def is_open(self) -> bool:
         return self._subscription is not None

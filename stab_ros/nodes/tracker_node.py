@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -25,14 +25,17 @@ from stab_ros.nodes.image_input import ImageInput
 from stab_ros.nodes.lost_log import LostLog
 from stab_ros.nodes.reference_file import ReferenceFile
 from stab_ros.nodes.runtime import StabNode
+from stab_ros.nodes.sleep import Sleep
 from stab_ros.nodes.spinner import Spinner
+from stab_ros.nodes.stabilized_camera import StabilizedCamera
+from stab_ros.nodes.stabilized_pictures import StabilizedPictures
 from stab_ros.nodes.stamp_monitor import StampMonitor
 from stab_ros.nodes.throttled_warnings import ThrottledWarnings
 from stab_ros.nodes.tracker_publishers import TrackerPublishers
 from stab_ros.nodes.tracker_status import TrackerStatus
 from stab_ros.parameters.engines import make_stabilizer, reconfigure
-from stab_ros.parameters.node_settings import TrackerSettings
-from stab_ros.parameters.table import PARAMETERS, check_change, table_with_preset
+from stab_ros.parameters.node_settings import COMPRESSED_PREFIX, CompressedSettings, TrackerSettings
+from stab_ros.parameters.table import PARAMETERS, check_change, parameters_of, table_with_preset
 from stab_ros.tracking.reference import SMALLEST_PX
 from stab_ros.tracking.stabilizer import Stabilizer
 from stab_ros.tracking.start_buffer import GroundState
@@ -42,6 +45,7 @@ _POLL_NS = SECOND_NS // 10  # period at which subscribers, publishers and the si
 
 
 SETTINGS = params.table_of(TrackerSettings)
+COMPRESSED = {parameter.name: parameter for parameter in parameters_of(CompressedSettings, COMPRESSED_PREFIX)}
 # everything of the engine but the camera and the map, which are fixed once the first frame has been taken
 CHANGEABLE = frozenset(PARAMETERS) - {"use_camera_info", "static_map"}
 
@@ -64,10 +68,11 @@ class TrackerNode(StabNode):
     def __init__(self) -> None:
         super().__init__("tracker_node")
         table = table_with_preset(params.given(self, "method"))
-        values = params.declare(self, {**table, **SETTINGS}, CHANGEABLE)
+        values = params.declare(self, {**table, **SETTINGS, **COMPRESSED}, {*CHANGEABLE, *COMPRESSED})
         params.warn_of_unknown(self, values)
         chosen: Any = {item.name: values.pop(item.name) for item in fields(TrackerSettings)}
         self.settings = TrackerSettings(**chosen)
+        self._compressed = {name: values.pop(name) for name in COMPRESSED}
         self.values = values
         self.stabilizer: Stabilizer = make_stabilizer(values)
         self.camera = CameraInfoSubscription(self, self._use_camera) if values["use_camera_info"] else None
@@ -78,6 +83,7 @@ class TrackerNode(StabNode):
         self._warnings = ThrottledWarnings(self.get_logger())
         self._lost_log, self._fixed = LostLog(self.get_logger(), self._warnings), FixedToCamera()
         self._stamps, self._failures = StampMonitor(), Failures(self.get_logger())
+        self._sleep = Sleep(self.settings.idle == "sleep")
         self._file = ReferenceFile(self.settings.reference_path, self.get_logger())
         self._file.check_camera(self.camera is not None)
         self._pending: dict[int, _Pending] = {}  # by index of the frame
@@ -85,9 +91,12 @@ class TrackerNode(StabNode):
         self._published_map: StaticMap | None = None
         self._resets = 0  # as far as they were said
         self._ground = GroundState.UNDECIDED  # at the last check
-        self.outputs = TrackerPublishers(self, lossless=self.settings.queue_depth == 0)
+        lossless = self.settings.queue_depth == 0
+        self.outputs = TrackerPublishers(self, lossless, StabilizedPictures(
+            self, StabilizedCamera(self, self.camera), _compressed_settings(self._compressed),
+            self.settings.reference_frame, self._failures, lossless))
         self.create_service(Trigger, "~/reset_reference", self._reset_reference)
-        params.ParameterUpdates(self, PARAMETERS, self._change)
+        params.ParameterUpdates(self, {**PARAMETERS, **COMPRESSED}, self._change)
         self.create_steady_timer(1.0, self._report)
 
     # start and end ---------------------------------------------------------------------------------------------------
@@ -116,13 +125,22 @@ class TrackerNode(StabNode):
         super().work(spinner)
         self.outputs.flush()
 
+    def destroy_node(self) -> None:
+        self.outputs.pictures.close()
+        super().destroy_node()
+
     # input -----------------------------------------------------------------------------------------------------------
     def _poll(self) -> None:
         """Starts to take images once enough subscribers are there, and follows the publishers' QoS."""
         self.free.ticked(_POLL_NS)
+        self.outputs.pictures.refresh()
         if self.camera is not None:
             self.camera.refresh()
-        if self._input.is_open:
+        self._sleep.look(self.outputs.subscribers, busy=self.stabilizer.buffering)
+        self.status.asleep = self._sleep.is_asleep
+        if self._sleep.is_asleep:
+            self._fall_asleep()
+        elif self._input.is_open:
             self._input.refresh()
             self._end_buffering_in_pause(self._input.publishers)
         elif self.outputs.homography.subscribers >= self.settings.wait_for_subscribers:
@@ -131,6 +149,14 @@ class TrackerNode(StabNode):
             self.get_logger().info(f"ready, taking images from {topic}")
         else:
             self.status.waiting_for = f"{self.settings.wait_for_subscribers} subscribers of {HOMOGRAPHY_TOPIC}"
+
+    def _fall_asleep(self) -> None:
+        """Takes no more images; the engine keeps its reference."""
+        if self._input.is_open:
+            self._input.close()
+            self.status.timeout.suspend()
+            self._stamps.suspend()
+            self.get_logger().info("asleep: nobody listens to any output")
 
     def _knows_camera(self) -> bool:
         """Whether images can be tracked: no camera is needed, or it is known."""
@@ -286,6 +312,14 @@ class TrackerNode(StabNode):
         return response
 
     def _change(self, changed: dict[str, Value]) -> None:
+        compressed = {**self._compressed, **{name: changed[name] for name in COMPRESSED if name in changed}}
+        of_pictures = _compressed_settings(compressed)
+        self._change_engine({name: value for name, value in changed.items() if name in PARAMETERS})
+        self._compressed, self.outputs.pictures.compressed.settings = compressed, of_pictures
+
+    def _change_engine(self, changed: dict[str, Value]) -> None:
+        if not changed:
+            return
         check_change(self.values, changed)
         if self._file.is_pending:
             raise InputError("the saved reference is not in force yet, set it again once the tracker is ready")
@@ -293,6 +327,12 @@ class TrackerNode(StabNode):
         reconfigure(self.stabilizer, values)
         self.values = values
         self.status.method = str(values["method"])
+
+
+def _compressed_settings(values: Mapping[str, Value]) -> CompressedSettings:
+    """values: by the names of COMPRESSED. Raises ConfigError for one out of range."""
+    chosen: Any = {name.removeprefix(COMPRESSED_PREFIX): value for name, value in values.items()}
+    return CompressedSettings(**chosen)
 
 
 def _read(cdr: bytes, msgtype: str) -> Frame:

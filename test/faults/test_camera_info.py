@@ -34,7 +34,7 @@ MEANINGLESS: dict[str, tuple[dict[str, object], str]] = {
     "NaN in D": ({"d": [math.nan, 0.0, 0.0, 0.0, 0.0]}, "K and D finite"),
     "unknown model": ({"distortion_model": "magic"}, "distortion_model 'magic'"),
     "too few coefficients": ({"d": [0.1]}, "1 coefficients do not fit"),
-    "roi outside": ({"roi": RegionOfInterest(x_offset=300, width=200, height=270)}, "200x270 px at .300, 0. does not lie"),
+    "roi outside": ({"roi": RegionOfInterest(x_offset=300, width=200, height=270)}, "200x270 px at .300, 0. does not"),
 }
 
 
