@@ -13,7 +13,7 @@ GIMBAL_TOPIC = "gimbal"
 WATER_LEVEL_TOPIC = "water_level"
 # what the tracker publishes
 HOMOGRAPHY_TOPIC = "homography"
-STABILIZED_TOPIC, STABILIZED_INFO_TOPIC = "image_stabilized", "image_stabilized/camera_info"
+STABILIZED_TOPIC = "image_stabilized"
 TRACK_TOPIC = "track"
 REFERENCE_IMAGE_TOPIC = "reference_image"
 STATIC_MAP_TOPIC = "static_map"

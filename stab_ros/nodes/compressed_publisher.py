@@ -10,7 +10,6 @@ from sensor_msgs.msg import CompressedImage
 from stab_ros.core.types import Image
 from stab_ros.io.cdr import Header
 from stab_ros.io.compressed_message import Codec, compressed_cdr
-from stab_ros.io.topics import STABILIZED_TOPIC, compressed_topic
 from stab_ros.nodes.cdr_publisher import CdrPublisher
 from stab_ros.nodes.failures import Failures
 from stab_ros.nodes.latest_worker import LatestWorker
@@ -33,10 +32,10 @@ class _Job:
 class CompressedPublisher:
     """settings: may be replaced at any time. lossless: every picture is published, the tracker waits for it."""
 
-    def __init__(self, node: StabNode, settings: CompressedSettings, failures: Failures, lossless: bool) -> None:
+    def __init__(self, node: StabNode, topic: str, settings: CompressedSettings, failures: Failures,
+                 lossless: bool) -> None:
         self.settings = settings
-        self._publisher = CdrPublisher(node, CompressedImage, compressed_topic(STABILIZED_TOPIC), QoSProfile(depth=1),
-                                       lossless)
+        self._publisher = CdrPublisher(node, CompressedImage, topic, QoSProfile(depth=1), lossless)
         self._limit = RateLimit()
         self._worker = LatestWorker(self._publish, failures, lossless)
 

@@ -8,7 +8,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from stab_ros.core.types import Frame, Track
 from stab_ros.io.cdr import Header
 from stab_ros.io.outgoing_image import OutgoingImage
-from stab_ros.io.topics import STABILIZED_INFO_TOPIC, STABILIZED_TOPIC
+from stab_ros.io.topics import CAMERA_INFO_TOPIC, STABILIZED_TOPIC, compressed_topic, topic_in
 from stab_ros.nodes.cdr_publisher import CdrPublisher
 from stab_ros.nodes.compressed_publisher import CompressedPublisher
 from stab_ros.nodes.failures import Failures
@@ -25,8 +25,9 @@ class StabilizedPictures:
                  failures: Failures, lossless: bool) -> None:
         self._camera, self._frame_id = camera, frame_id
         self._image = CdrPublisher(node, Image, STABILIZED_TOPIC, QoSProfile(depth=1), lossless)
-        self._info = CdrPublisher(node, CameraInfo, STABILIZED_INFO_TOPIC, QoSProfile(depth=10), lossless)
-        self.compressed = CompressedPublisher(node, compressed, failures, lossless)
+        base = self._image.topic  # as it has been remapped
+        self._info = CdrPublisher(node, CameraInfo, topic_in(base, CAMERA_INFO_TOPIC), QoSProfile(depth=10), lossless)
+        self.compressed = CompressedPublisher(node, compressed_topic(base), compressed, failures, lossless)
 
     @property
     def subscribers(self) -> int:

@@ -118,6 +118,22 @@ def test_who_takes_no_compressed_pictures_does_not_hold_up_the_tracker(
     assert kept[-1] >= 10**9 + 100 * 40_000_000
 
 
+def test_compressed_topics_and_the_twin_follow_the_images_where_they_are_remapped(
+    graph: Graph, flight: list[Shot]
+) -> None:
+    remap = {"image_raw": "/front/image", "image_stabilized": "/river/still"}
+    graph.start("tracker_node", "/cam", remap, **PLAIN, image_transport="compressed")
+    answers = graph.listen(CameraInfo, "/cam/homography")
+    small, twins = graph.listen(CompressedImage, "/river/still/compressed"), graph.listen(
+        CameraInfo, "/river/still/camera_info")
+    camera = graph.speak(CompressedImage, "/front/image/compressed")
+    graph.until(lambda: graph.node.count_publishers("/river/still/compressed"), "discovery")
+    camera.publish(CompressedImage(format="mono8; png compressed ",
+                                   data=cv2.imencode(".png", flight[0].image)[1].tobytes()))
+    graph.until(lambda: answers and small and twins, "the picture")
+    assert np.abs(decoded(small[0]).astype(int) - flight[0].image.astype(int)).mean() < 3
+
+
 # camera_info ---------------------------------------------------------------------------------------------------------
 def undistorted(seen: FloatArray) -> FloatArray:
     """Where pixels (n, 2) would lie without the lens: OpenCV's projection, inverted by fixed-point iteration."""
