@@ -40,7 +40,12 @@ def test_the_newest_item_wins_and_nobody_waits_for_slow_work() -> None:
 def test_nothing_is_lost_where_all_is_kept() -> None:
     slow = Slow()
     worker = LatestWorker(slow, nullcontext(), keep_all=True)
-    giver = Thread(target=lambda: [worker.put(item) for item in range(5)])
+
+    def give() -> None:
+        for item in range(5):
+            worker.put(item)
+
+    giver = Thread(target=give)
     giver.start()
     assert slow.begun.wait(60)
     slow.go_on.set()
@@ -52,7 +57,11 @@ def test_nothing_is_lost_where_all_is_kept() -> None:
 
 def test_an_error_is_noted_and_the_next_item_worked_on() -> None:
     failures, done = Failures(rclpy.logging.get_logger("test")), list[float]()
-    worker = LatestWorker(lambda item: done.append(1 / item), failures)
+
+    def invert(item: int) -> None:
+        done.append(1 / item)
+
+    worker = LatestWorker(invert, failures)
     for item in (0, 2):
         worker.put(item)
         worker.flush()

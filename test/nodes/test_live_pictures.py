@@ -6,6 +6,7 @@ import signal
 from array import array
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -26,7 +27,7 @@ from stab_ros.synthetic.flight import Shot
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 STABILIZED = "/cam/image_stabilized"
 COMPRESSED, TWIN = f"{STABILIZED}/compressed", f"{STABILIZED}/camera_info"
-PLAIN = {"queue_depth": 0, "start_s": 0.0, "wait_for_subscribers": 1}
+PLAIN: dict[str, Any] = {"queue_depth": 0, "start_s": 0.0, "wait_for_subscribers": 1}
 K = np.array([[380.0, 0, 203], [0, 381, 148], [0, 0, 1]])
 D = np.array([-0.12, 0.03, 0.001, -0.0015, 0.004])
 _QUARTERS = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
@@ -44,7 +45,8 @@ def pixels(message: Image) -> FloatArray:
 
 def test_compressed_pictures_are_those_of_image_stabilized(graph: Graph, flight: list[Shot]) -> None:
     quality, rate = (f"image_stabilized.compressed.{name}" for name in ("jpeg_quality", "rate"))
-    graph.start("tracker_node", "/cam", **PLAIN, **{quality: 90}, reference_frame="river")
+    settings: dict[str, Any] = {**PLAIN, quality: 90}
+    graph.start("tracker_node", "/cam", **settings, reference_frame="river")
     graph.listen(CameraInfo, "/cam/homography")
     raw, small = graph.listen(Image, STABILIZED), graph.listen(CompressedImage, COMPRESSED)
     camera = graph.speak(Image, "/cam/image_raw")
@@ -83,7 +85,7 @@ def test_pictures_of_16_bit_are_compressed_without_loss(graph: Graph, flight: li
     graph.until(lambda: graph.node.count_publishers(COMPRESSED), "discovery")
     for shot in flight[:2]:
         deep = shot.image.astype(np.uint16) * 201
-        camera.publish(image_message(deep, shot.stamp_ns, encoding="mono16", step=2 * deep.shape[1],
+        camera.publish(image_message(shot.image, shot.stamp_ns, encoding="mono16", step=2 * deep.shape[1],
                                      data=array("B", deep.tobytes())))
     graph.until(lambda: len(small) == len(raw) == 2, "the pictures")
     for one, other in zip(small, raw, strict=True):
