@@ -297,6 +297,8 @@ class TrackerNode(StabNode):
         self._warnings.log(kind, text)
 
     def _report(self) -> None:
+        if self._failures.count > self.status.errors:  # of the thread that compresses pictures
+            self.status.on_failure(self._failures.count, self._failures.last)
         self.status.competing, self.status.relief = self.stabilizer.competing_hypothesis, self.stabilizer.relief
         self.status.ground, self.status.swing = self.stabilizer.ground, self.stabilizer.swing
         self.status.copied = self.stabilizer.copied_share

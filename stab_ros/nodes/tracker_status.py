@@ -31,7 +31,8 @@ class TrackerStatus:
         self.ground = GroundState.UNDECIDED
         self.timeout = StreamTimeout(stale_ns)
         self.asleep = False  # nobody listens, and no images are taken
-        self._received = self._tracked = self._lost = self._dropped = self._refused = self._errors = 0
+        self.errors = 0  # internal ones so far
+        self._received = self._tracked = self._lost = self._dropped = self._refused = 0
         self._warnings: dict[str, str] = {}  # by kind, until the next report
         self._latency_ns = 0
         self._track: Track | None = None
@@ -62,7 +63,7 @@ class TrackerStatus:
 
     def on_failure(self, errors: int, text: str) -> None:
         """errors: internal ones so far. text: the last one."""
-        self._errors = errors
+        self.errors = errors
         self.warn("internal", text)
 
     def warn(self, kind: str, text: str) -> None:
@@ -112,7 +113,7 @@ class TrackerStatus:
             "frames_dropped": str(self._dropped),
             "frames_refused": str(self._refused),
             "frames_before": str(self.before),
-            "internal_errors": str(self._errors),
+            "internal_errors": str(self.errors),
             **self.stamps,
             "matches": str(track.matches if track else 0),
             "inliers": str(track.inliers if track else 0),
