@@ -88,7 +88,8 @@ Mono8 |
 
 JPEG, PNG, TIFF and WebP, with 8 or 16 bits; `compressedDepth` as PNG (16UC1, and 32FC1 with its quantisation). \
 `format` tells coded video
-and `compressedDepth`; else the content counts. A JPEG that is cut short is LOST.
+and `compressedDepth`; else the content counts: grey stays mono8 or mono16, colour becomes bgr8 or bgr16. A JPEG that \
+is cut short is LOST.
 
 ## Videos
 

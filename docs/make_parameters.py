@@ -13,6 +13,8 @@ from stab_ros.nodes.bag_recorder_node import RecorderSettings
 from stab_ros.nodes.params import table_of
 from stab_ros.parameters.discharge import DISCHARGE_PARAMETERS
 from stab_ros.parameters.node_settings import (
+    COMPRESSED_PREFIX,
+    CompressedSettings,
     DischargeSettings,
     EvaluatorSettings,
     GeoreferenceSettings,
@@ -26,6 +28,7 @@ from stab_ros.parameters.table import (
     OWN_VELOCITY_PARAMETERS,
     PARAMETERS,
     Parameter,
+    parameters_of,
 )
 from stab_ros.velocimetry.settings import PRESETS as VELOCITY_PRESETS
 
@@ -61,7 +64,7 @@ _NODES = {"tracker_node": TrackerSettings, "evaluator_node": EvaluatorSettings,
           "bag_recorder_node": RecorderSettings}
 # a list of strings, which no settings dataclass holds: the recorder declares it by itself
 _TOPICS = Parameter("topics", "", Range("Topics to record, a list of names such as `[/a,/b]`; none: all topics"))
-_LISTS = {"bag_recorder_node": [_TOPICS]}
+_MORE = {"bag_recorder_node": [_TOPICS], "tracker_node": parameters_of(CompressedSettings, COMPRESSED_PREFIX)}
 
 
 def _section(title: str, parameters: Iterable[Parameter]) -> str:
@@ -103,4 +106,4 @@ if __name__ == "__main__":
     print(_presets(_VELOCITY_PRESETS, VELOCITY_PRESETS))
     print(_section(_DISCHARGE, DISCHARGE_PARAMETERS.values()))
     for name, settings in _NODES.items():
-        print(_section(f"`{name}` alone", [*table_of(settings).values(), *_LISTS.get(name, [])]))
+        print(_section(f"`{name}` alone", [*table_of(settings).values(), *_MORE.get(name, [])]))

@@ -29,15 +29,13 @@ _MAX_SCANS = 100  # of a progressive JPEG, each of which covers the whole image;
 
 
 def decode_message(data: NDArray[np.uint8], message_format: str) -> Image:
-    """The data of a CompressedImage, by its `format`: (h, w, 3); (h, w) for grey of 16 bits and depth.
+    """The data of a CompressedImage, by its `format`: (h, w, 3), or (h, w) for grey and depth; 8 or 16 bit as it is.
 
     Raises:
         MessageError: of another format, cut short, or too large.
     """
     if not compressed_depth.is_compressed_depth(message_format):
-        image = _decoded(data, cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION)
-        grey_8_bit = image.ndim == 2 and image.dtype == np.uint8  # leaves as bgr8, as all of 8 bits
-        return np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)) if grey_8_bit else image
+        return _decoded(data, cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION)
     compressed_depth.check_codec(message_format)
     png = _decoded(data[compressed_depth.HEADER_BYTES :], cv2.IMREAD_UNCHANGED)
     if png.dtype != np.uint16 or png.ndim != 2:

@@ -73,7 +73,8 @@ class BagRecorderNode(StabNode):
         if self.is_active:
             spinner.drain(lambda: self._messages)
         if self.is_configured and self._failure is not None:
-            raise self._failure
+            with self._writer:  # which stays as it is, closed and readable
+                raise self._failure
 
     def poll(self) -> None:
         """Subscribes to wanted topics as soon as their type is known."""

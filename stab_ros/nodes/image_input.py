@@ -36,17 +36,18 @@ class ImageInput:
     def open(self) -> str:
         """Subscribes; returns the full name of the topic."""
         msg_class = CompressedImage if self._compressed else Image
-        topic = compressed_topic(self._topic) if self._compressed else self._topic
+        topic = self._compressed_topic if self._compressed else self._topic
         choose = keep_all_reliable if self._keep_all else newest_only
         self._subscription = AdaptiveSubscription(self._node, msg_class, topic, self._on_image, choose,
                                                   "let it offer RELIABLE, or set queue_depth:=1")
         return self._subscription.topic
 
     def close(self) -> None:
-        """Ends the subscription; images that are held are dropped."""
+        """Ends the subscription, until `open` is called again; images that are held are dropped."""
         if self._subscription is not None:
             self._subscription.close()
-        self._subscription, self._gaps = None, GapCounter()
+        self._subscription = None
+        self._gaps.suspend()
         self._dropped(len(self._held))
         self._held.clear()
 
@@ -69,11 +70,16 @@ class ImageInput:
         if self._subscription is None:
             return
         self._subscription.refresh()
-        other = self._node.resolve_topic_name(self._topic if self._compressed else compressed_topic(self._topic))
+        other = self._node.resolve_topic_name(self._topic if self._compressed else self._compressed_topic)
         if not self._subscription.publishers and self._node.count_publishers(other):
             transport = "raw" if self._compressed else "compressed"
             self._node.get_logger().warning(f"nobody publishes {self._subscription.topic}, but {other} is published; "
                                             f"set image_transport:={transport} to take it", once=True)
+
+    @property
+    def _compressed_topic(self) -> str:
+        """Below the name that the images' topic has been remapped to, as image_transport does it."""
+        return compressed_topic(self._node.resolve_topic_name(self._topic))
 
     @property
     def _compressed(self) -> bool:

@@ -199,7 +199,8 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         return self._attempt(self.deactivate, self.deactivate)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        return self._attempt(self._let_go, self._let_go)
+        left = self._attempt(self._let_go, self._let_go)
+        return left if left == TransitionCallbackReturn.SUCCESS else TransitionCallbackReturn.ERROR  # all is gone
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         self.stop.requested = True

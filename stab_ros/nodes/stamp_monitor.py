@@ -33,6 +33,11 @@ class StampMonitor:
         self._counts[Advance.SAME] += duplicate
         return duplicate
 
+    def suspend(self) -> None:
+        """Images are left out from here on: the next stamp is that of a first image."""
+        self._last_ns = None
+        self._check, self._checked = _new_check(), 0
+
     def take(self, stamp_ns: int) -> Advance:
         """Counts the stamp of the next tracked image."""
         step, self._step_s = judge(stamp_ns, self._last_ns), abs(stamp_ns - (self._last_ns or 0)) / 1e9

@@ -24,6 +24,10 @@ class StreamTimeout:
         self._interval_ns = silence_ns
         return silence_ns
 
+    def suspend(self) -> None:
+        """No images are expected until the next one: what is silent now is no stream that stopped."""
+        self._last_ns = None
+
     def silence_ns(self, free_ns: int) -> int:
         """Time since the last image; 0 before the first."""
         return 0 if self._last_ns is None else free_ns - self._last_ns

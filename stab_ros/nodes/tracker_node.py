@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
@@ -26,13 +26,16 @@ from stab_ros.nodes.image_input import ImageInput
 from stab_ros.nodes.lost_log import LostLog
 from stab_ros.nodes.managed_node import StabNode
 from stab_ros.nodes.reference_file import ReferenceFile
+from stab_ros.nodes.sleep import Sleep
+from stab_ros.nodes.stabilized_camera import StabilizedCamera
+from stab_ros.nodes.stabilized_pictures import StabilizedPictures
 from stab_ros.nodes.stamp_monitor import StampMonitor
 from stab_ros.nodes.throttled_warnings import ThrottledWarnings
 from stab_ros.nodes.tracker_publishers import TrackerPublishers
 from stab_ros.nodes.tracker_status import TrackerStatus
 from stab_ros.parameters.engines import make_stabilizer, reconfigure
-from stab_ros.parameters.node_settings import TrackerSettings
-from stab_ros.parameters.table import PARAMETERS, check_change, table_with_preset
+from stab_ros.parameters.node_settings import COMPRESSED_PREFIX, CompressedSettings, TrackerSettings
+from stab_ros.parameters.table import PARAMETERS, check_change, parameters_of, table_with_preset
 from stab_ros.tracking.reference import SMALLEST_PX
 from stab_ros.tracking.stabilizer import Stabilizer
 from stab_ros.tracking.start_buffer import GroundState
@@ -44,6 +47,7 @@ if TYPE_CHECKING:
     from stab_ros.nodes.node_options import NodeOptions
 
 SETTINGS = params.table_of(TrackerSettings)
+COMPRESSED = {parameter.name: parameter for parameter in parameters_of(CompressedSettings, COMPRESSED_PREFIX)}
 # everything of the engine but the camera and the map, which are fixed once the first frame has been taken
 CHANGEABLE = frozenset(PARAMETERS) - {"use_camera_info", "static_map"}
 
@@ -69,10 +73,11 @@ class TrackerNode(StabNode):
     # lifecycle -------------------------------------------------------------------------------------------------------
     def configure(self) -> None:
         table = table_with_preset(params.given(self, "method"))
-        values = params.declare(self, {**table, **SETTINGS}, CHANGEABLE)
+        values = params.declare(self, {**table, **SETTINGS, **COMPRESSED}, {*CHANGEABLE, *COMPRESSED})
         params.warn_of_unknown(self, values)
         chosen: Any = {item.name: values.pop(item.name) for item in fields(TrackerSettings)}
         self.settings = TrackerSettings(**chosen)
+        self._compressed = {name: values.pop(name) for name in COMPRESSED}
         self.values = values
         self.stabilizer: Stabilizer = make_stabilizer(values)
         self.camera = CameraInfoSubscription(self, self._use_camera) if values["use_camera_info"] else None
@@ -83,6 +88,7 @@ class TrackerNode(StabNode):
         self._warnings = ThrottledWarnings(self.get_logger())
         self._lost_log, self._fixed = LostLog(self.get_logger(), self._warnings), FixedToCamera()
         self._stamps, self._failures = StampMonitor(), Failures(self.get_logger())
+        self._sleep = Sleep(self.settings.idle == "sleep")
         self._file = ReferenceFile(self.settings.reference_path, self.get_logger())
         self._file.check_camera(self.camera is not None)
         self._pending: dict[int, _Pending] = {}  # by index of the frame
@@ -90,9 +96,13 @@ class TrackerNode(StabNode):
         self._published_map: StaticMap | None = None
         self._resets = 0  # as far as they were said
         self._ground = GroundState.UNDECIDED  # at the last check
-        self.outputs = TrackerPublishers(self, lossless=self.settings.queue_depth == 0)
+        lossless = self.settings.queue_depth == 0
+        self.outputs = TrackerPublishers(self, lossless, StabilizedPictures(
+            self, StabilizedCamera(self, self.camera), _compressed_settings(self._compressed),
+            self.settings.reference_frame, self._failures, lossless))
         self.create_service(Trigger, "~/reset_reference", self._reset_reference)
-        self.at_cleanup(params.ParameterUpdates(self, PARAMETERS, self._change).close)
+        self.at_cleanup(self.outputs.pictures.close)
+        self.at_cleanup(params.ParameterUpdates(self, {**PARAMETERS, **COMPRESSED}, self._change).close)
 
     def on_compilation(self, progress: Compilation) -> None:
         self.status.waiting_for = progress.awaited
@@ -121,12 +131,22 @@ class TrackerNode(StabNode):
     def flush(self) -> None:
         self.outputs.flush()
 
+    def destroy_node(self) -> None:
+        if self.is_configured:
+            self.outputs.pictures.close()
+        super().destroy_node()
+
     # input -----------------------------------------------------------------------------------------------------------
     def poll(self) -> None:
         """Starts to take images once enough subscribers are there, and follows the publishers' QoS."""
+        self.outputs.pictures.refresh()
         if self.camera is not None:
             self.camera.refresh()
-        if self._input.is_open:
+        self._sleep.look(self.outputs.subscribers, busy=self.stabilizer.buffering)
+        self.status.asleep = self._sleep.is_asleep
+        if self._sleep.is_asleep:
+            self._fall_asleep()
+        elif self._input.is_open:
             self._input.refresh()
             self._end_buffering_in_pause(self._input.publishers)
         elif self.outputs.homography.subscribers >= self.settings.wait_for_subscribers:
@@ -136,6 +156,14 @@ class TrackerNode(StabNode):
         else:
             subscribers = counted(self.settings.wait_for_subscribers, "subscriber")
             self.status.waiting_for = f"{subscribers} of {HOMOGRAPHY_TOPIC}"
+
+    def _fall_asleep(self) -> None:
+        """Takes no more images; the engine keeps its reference."""
+        if self._input.is_open:
+            self._input.close()
+            self.status.timeout.suspend()
+            self._stamps.suspend()
+            self.get_logger().info("asleep: nobody listens to any output")
 
     def _knows_camera(self) -> bool:
         """Whether images can be tracked: no camera is needed, or it is known."""
@@ -290,6 +318,8 @@ class TrackerNode(StabNode):
         self._warnings.log(kind, text)
 
     def report(self) -> None:
+        if self._failures.count > self.status.errors:  # of the thread that compresses pictures
+            self.status.on_failure(self._failures.count, self._failures.last)
         self.status.competing, self.status.relief = self.stabilizer.competing_hypothesis, self.stabilizer.relief
         self.status.ground, self.status.swing = self.stabilizer.ground, self.stabilizer.swing
         self.status.copied = self.stabilizer.copied_share
@@ -305,6 +335,14 @@ class TrackerNode(StabNode):
         return response
 
     def _change(self, changed: dict[str, Value]) -> None:
+        compressed = {**self._compressed, **{name: changed[name] for name in COMPRESSED if name in changed}}
+        of_pictures = _compressed_settings(compressed)
+        self._change_engine({name: value for name, value in changed.items() if name in PARAMETERS})
+        self._compressed, self.outputs.pictures.compressed.settings = compressed, of_pictures
+
+    def _change_engine(self, changed: dict[str, Value]) -> None:
+        if not changed:
+            return
         check_change(self.values, changed)
         if self._file.is_pending:
             raise InputError("the saved reference is not in force yet, set it again once the tracker is ready")
@@ -319,6 +357,12 @@ def _in_start(index: int, stamp_ns: int, stabilizer: Stabilizer) -> Track:
     reference = stabilizer.reference
     return Track(State.LOST, index, stamp_ns, 0 if reference is None else reference.stamp_ns, stabilizer.reset_counter,
                  lost_reason=LostReason.STARTING, reset_reason=stabilizer.reset_reason)
+
+
+def _compressed_settings(values: Mapping[str, Value]) -> CompressedSettings:
+    """values: by the names of COMPRESSED. Raises ConfigError for one out of range."""
+    chosen: Any = {name.removeprefix(COMPRESSED_PREFIX): value for name, value in values.items()}
+    return CompressedSettings(**chosen)
 
 
 def _read(cdr: bytes, msgtype: str) -> Frame:

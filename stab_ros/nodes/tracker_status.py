@@ -30,7 +30,9 @@ class TrackerStatus:
         self.before = 0  # images published before the first that was received
         self.ground = GroundState.UNDECIDED
         self.timeout = StreamTimeout(stale_ns)
-        self._received = self._tracked = self._lost = self._dropped = self._refused = self._errors = 0
+        self.asleep = False  # nobody listens, and no images are taken
+        self.errors = 0  # internal ones so far
+        self._received = self._tracked = self._lost = self._dropped = self._refused = 0
         self._warnings: dict[str, str] = {}  # by kind, until the next report
         self._latency_ns = 0
         self._track: Track | None = None
@@ -61,7 +63,7 @@ class TrackerStatus:
 
     def on_failure(self, errors: int, text: str) -> None:
         """errors: internal ones so far. text: the last one."""
-        self._errors = errors
+        self.errors = errors
         self.warn("internal", text)
 
     def warn(self, kind: str, text: str) -> None:
@@ -71,7 +73,7 @@ class TrackerStatus:
     def report(self, free_ns: int) -> DiagnosticStatus:
         """The status since the last report."""
         state = self._state(free_ns)
-        level = {"TRACKED": OK, "STALE": ERROR}.get(state, WARN)
+        level = {"TRACKED": OK, "ASLEEP": OK, "STALE": ERROR}.get(state, WARN)
         message = self._message(state, free_ns)
         warnings = self._all_warnings()
         if warnings:
@@ -84,11 +86,15 @@ class TrackerStatus:
         return [*advice.remarks(self.competing, self.relief, self.swing, self.copied), *once.values()]
 
     def _state(self, free_ns: int) -> str:
+        if self.asleep:
+            return "ASLEEP"
         if self._track is None:
             return "WAITING"
         return "STALE" if self.timeout.is_stale(free_ns) else self._track.state.value
 
     def _message(self, state: str, free_ns: int) -> str:
+        if state == "ASLEEP":
+            return "asleep until somebody listens"
         if state == "WAITING":
             return f"waiting for {self.waiting_for}"
         if state == "STALE":
@@ -107,7 +113,7 @@ class TrackerStatus:
             "frames_dropped": str(self._dropped),
             "frames_refused": str(self._refused),
             "frames_before": str(self.before),
-            "internal_errors": str(self._errors),
+            "internal_errors": str(self.errors),
             **self.stamps,
             "matches": str(track.matches if track else 0),
             "inliers": str(track.inliers if track else 0),

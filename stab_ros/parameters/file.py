@@ -11,6 +11,7 @@ from stab_ros.core.text import one_line
 from stab_ros.io.yaml_file import read_yaml
 from stab_ros.parameters.discharge import DISCHARGE_PARAMETERS
 from stab_ros.parameters.node_settings import (
+    COMPRESSED_PREFIX,
     DischargeSettings,
     EvaluatorSettings,
     TrackerSettings,
@@ -89,7 +90,7 @@ def _is_foreign(name: str, node: str) -> bool:
 
 
 def _is_of_an_engine(name: str) -> bool:
-    return name not in _OF_THE_NODES and name != _OF_ROS and not name.startswith(_QOS)
+    return name not in _OF_THE_NODES and name != _OF_ROS and not name.startswith((_QOS, COMPRESSED_PREFIX))
 
 
 def _nodes(tree: object, name: str = "") -> Iterator[tuple[str, object]]:

@@ -36,6 +36,28 @@ class TrackerSettings(Checked):
     reference_path: str = setting(
         "", "Path of an .mcap file in which the reference is saved, and from which it is restored at the next start; "
         '"": every start makes a new reference')
+    reference_frame: str = setting(
+        "", 'frame_id of image_stabilized, its compressed images and its camera_info; "": that of the camera\'s images')
+    idle: str = setting(
+        "track", "While nobody listens to any output: track, so that the reference is followed without a gap; or "
+        "sleep, without taking images, and continue with the same reference once somebody listens",
+        choices=("track", "sleep"))
+
+
+COMPRESSED_PREFIX = "image_stabilized.compressed."  # as image_transport names the parameters of a topic
+
+
+@dataclass(frozen=True)
+class CompressedSettings(Checked):
+    """Settings of image_stabilized/compressed; all but the rate as compressed_image_transport has them."""
+
+    format: str = setting(
+        "jpeg", "Codec of images of 8 bit; those of 16 bit are always PNG, and of 32-bit floats TIFF",
+        choices=("jpeg", "png"))
+    jpeg_quality: int = setting(95, "Quality of JPEG", 1, 100)
+    png_level: int = setting(3, "Compression level of PNG; a higher one takes longer and makes smaller images", 0, 9)
+    rate: float = setting(
+        0.0, "Images per second of header time that are compressed at most; 0: all of them", 0.0, 1000.0)
 
 
 @dataclass(frozen=True)

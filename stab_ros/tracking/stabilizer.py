@@ -6,6 +6,7 @@ Live and offline call the same `Stabilizer`: its answers depend on the frames al
 from __future__ import annotations
 
 from collections.abc import Iterable
+from enum import Enum
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from stab_ros.core.types import (
     FloatArray,
     Frame,
     Gray,
+    Homography,
     Image,
     LostReason,
     ResetReason,
@@ -43,6 +45,14 @@ from stab_ros.tracking.start_buffer import GroundState
 from stab_ros.tracking.state import Event, TrackerState, next_state
 from stab_ros.tracking.static_map import StaticMap
 from stab_ros.tracking.succession import ESTABLISHED, Rival, is_challenged
+
+
+class Showing(Enum):
+    """What `Stabilizer.warp` shows of a frame."""
+
+    IN_PLACE = "in the place of the reference"
+    AS_TAKEN = "as it was taken"
+    NOTHING = "nothing"
 
 
 class Stabilizer:
@@ -204,15 +214,30 @@ class Stabilizer:
             return image
         return self._shown(frame).to_8_bit(image)
 
+    def showing(self, track: Track) -> Showing:
+        """What `warp` shows, without computing it.
+
+        Args:
+            track: the answer to the frame.
+
+        Returns:
+            IN_PLACE while TRACKED; while LOST what `on_lost` demands.
+        """
+        if self._shown_H(track) is not None:
+            return Showing.IN_PLACE
+        return Showing.AS_TAKEN if self._setup.config.on_lost == "pass" else Showing.NOTHING
+
+    def _shown_H(self, track: Track) -> Homography | None:
+        """The homography by which a frame is warped; None: by none."""
+        if track.ref_H_cur is None and self._setup.config.on_lost == "hold" and self._present is not None:
+            return self._present.motion.last
+        return track.ref_H_cur
+
     def _warped(self, frame: Frame, track: Track, allocate: Allocate) -> Image | None:
         """`warp`, in the frame's own encoding."""
-        H = track.ref_H_cur
-        if H is None and self._setup.config.on_lost == "pass":
-            return frame.image
-        if H is None and self._setup.config.on_lost == "hold" and self._present is not None:
-            H = self._present.motion.last
+        H = self._shown_H(track)
         if H is None:
-            return None
+            return frame.image if self.showing(track) is Showing.AS_TAKEN else None
         camera, config = self._setup.preprocessing.camera, self._setup.config
         return warp(frame.image, H, frame.size, config.interpolation, camera, config.window, allocate, track.rows)
 

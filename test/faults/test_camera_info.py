@@ -9,7 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from live_graph import Graph, image_message, stamp_ns
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import CameraInfo, Image, RegionOfInterest
 
 from stab_ros.core.errors import MessageError
 from stab_ros.io.camera_message import read_camera
@@ -34,7 +34,7 @@ MEANINGLESS: dict[str, tuple[dict[str, object], str]] = {
     "NaN in D": ({"d": [math.nan, 0.0, 0.0, 0.0, 0.0]}, "K and D finite"),
     "unknown model": ({"distortion_model": "magic"}, "distortion_model 'magic'"),
     "too few coefficients": ({"d": [0.1]}, "1 coefficient does not fit"),
-    "binned": ({"binning_x": 2}, "binning and roi are not supported"),
+    "roi outside": ({"roi": RegionOfInterest(x_offset=300, width=200, height=270)}, "200x270 px at .300, 0. does not"),
 }
 
 

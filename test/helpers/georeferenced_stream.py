@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from live_graph import Graph, NodeProcess, image_message, values_of
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import CameraInfo, Image, RegionOfInterest
 from truth import picture, translation
 
 from stab_ros.core.types import FloatArray, Frame, LostReason, State, Track
@@ -35,6 +35,14 @@ NODE = "/cam/georeference_node"
 def camera_info(size: tuple[int, int] = SIZE) -> CameraInfo:
     return CameraInfo(width=size[0], height=size[1], distortion_model=CAMERA.model, d=list(CAMERA.D),
                       k=list(CAMERA.K.ravel()))
+
+
+def binned_info() -> CameraInfo:
+    """The same images, as told by a driver whose sensor has 1000x700 px: cut to 800x600 of them and binned by 2."""
+    sensor_K = np.diag([2.0, 2.0, 1.0]) @ CAMERA.K
+    sensor_K[:2, 2] += (60, 40)
+    return CameraInfo(width=1000, height=700, distortion_model=CAMERA.model, d=list(CAMERA.D), k=list(sensor_K.ravel()),
+                      binning_x=2, binning_y=2, roi=RegionOfInterest(x_offset=60, y_offset=40, width=800, height=600))
 
 
 def shot(number: int) -> Frame:

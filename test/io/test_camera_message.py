@@ -38,10 +38,26 @@ def test_camera_is_read(fields: dict[str, int]) -> None:
 
 @pytest.mark.parametrize("fields", [
     {"k": [0.0] * 9}, {"k": [np.nan] * 9}, {"d": [np.inf] * 5}, {"d": [0.1] * 3}, {"distortion_model": "unheard of"},
-    {"binning_x": 2}, {"roi__x_offset": 4}, {"roi__width": 320, "roi__height": 240}])
+    {"roi__x_offset": 4}, {"roi__width": 320}, {"roi__width": 320, "roi__height": 240, "roi__x_offset": 321}])
 def test_camera_that_cannot_be_used_is_refused(fields: dict[str, object]) -> None:
     with pytest.raises(MessageError, match="camera_info"):
         read_camera(serialize_message(camera_info(**fields)))
+
+
+BINNED = {"binning_x": 2, "binning_y": 3}
+CUT = {"roi__x_offset": 100, "roi__y_offset": 60, "roi__width": 401, "roi__height": 300}
+
+
+@pytest.mark.parametrize(("fields", "size"), [
+    (BINNED, (320, 160)), (CUT, (401, 300)), ({**CUT, **BINNED}, (200, 100)), ({**CUT, "binning_x": 1}, (401, 300))])
+def test_roi_and_binning_give_the_camera_of_the_published_image(fields: dict[str, int], size: tuple[int, int]) -> None:
+    """The published pixel (u, v) is the sensor's at roi + binning * (u, v): REP 104, toFullResolution."""
+    camera = read_camera(serialize_message(camera_info(**fields)))
+    assert camera.size == size
+    rays = np.random.default_rng(1).uniform(-0.3, 0.3, (50, 2))
+    offset = [fields.get("roi__x_offset", 0), fields.get("roi__y_offset", 0)]
+    binning = [fields.get("binning_x", 1), fields.get("binning_y", 1)]
+    np.testing.assert_allclose(camera.pixels(rays) * binning + offset, PLUMB_BOB.pixels(rays), atol=1e-9)
 
 
 @pytest.mark.parametrize(("fields", "size"), [({}, SIZE), ({"width": 0}, None), ({"height": 0}, None)])

@@ -40,10 +40,9 @@ def test_png_and_tiff_keep_their_depth(suffix: str, channels: int, depth: int) -
     pixels = smooth(channels)
     stored = pixels if depth == 8 else pixels.astype(np.uint16) * 257
     frame = read_image(compressed(encoded(suffix, stored)), COMPRESSED_IMAGE)
-    grey = channels == 1 and depth == 16
-    assert (frame.encoding, frame.warped_encoding) == (("mono16", "mono16") if grey else (f"bgr{depth}", "bgr8"))
-    coloured = np.dstack([pixels] * 3) if channels == 1 else pixels[:, :, :3]
-    expected = pixels if grey else coloured
+    leaves_as = (f"mono{depth}", f"mono{depth}") if channels == 1 else (f"bgr{depth}", "bgr8")
+    assert (frame.encoding, frame.warped_encoding) == leaves_as
+    expected = pixels if channels == 1 else pixels[:, :, :3]
     np.testing.assert_array_equal(frame.image, expected if depth == 8 else expected.astype(np.uint16) * 257)
 
 
@@ -99,11 +98,11 @@ def test_what_is_not_read_is_named(data: bytes, message_format: str, says: str) 
     assert len(str(caught.value).splitlines()) == 1
 
 
-@pytest.mark.parametrize("channels", [1, 3])
-def test_jpeg_comes_in_as_bgr8(channels: int) -> None:
+@pytest.mark.parametrize(("channels", "encoding"), [(1, "mono8"), (3, "bgr8")])
+def test_jpeg_keeps_its_channels(channels: int, encoding: str) -> None:
     frame = read_image(compressed(encoded(".jpg", smooth(channels))), COMPRESSED_IMAGE)
-    expected = np.dstack([smooth(1)] * 3) if channels == 1 else smooth(3)
-    np.testing.assert_allclose(frame.image, expected, atol=6)
+    assert frame.encoding == frame.warped_encoding == encoding
+    np.testing.assert_allclose(frame.image, smooth(channels), atol=6)
 
 
 def test_jpeg_is_not_turned_by_its_exif_orientation() -> None:

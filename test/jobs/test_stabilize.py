@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import cv2
@@ -24,6 +25,7 @@ from recordings import (
 from rosbags.highlevel import AnyReader
 from stabilised import JAZZY, decoded, errors_px, frames_of, homography, messages, run, table
 
+from stab_ros.core.types import Gray, Image
 from stab_ros.synthetic.flight import Shot
 
 
@@ -156,18 +158,25 @@ def test_existing_output_is_replaced_with_force(
     assert len(frames_of(tmp_path / "V.mp4")) == 2
 
 
-def test_a_compressed_topic_gives_its_namespace_and_leaves_as_bgr8(
-    flight: list[Shot], command: Command, tmp_path: Path
+@pytest.mark.parametrize("depth", [8, 16])
+def test_a_compressed_topic_gives_its_namespace_and_its_images_stay_grey(
+    flight: list[Shot], command: Command, tmp_path: Path, depth: int
 ) -> None:
     topic = f"{IMAGE_TOPIC}/compressed"
+    shots = [dataclasses.replace(shot, image=of_depth(shot.image, depth)) for shot in flight[:3]]
     recorded = [Entry(topic, "sensor_msgs/msg/CompressedImage", shot.stamp_ns, compressed(shot, "png"))
-                for shot in flight[:3]]
+                for shot in shots]
     bag = write_mcap(tmp_path / "in.mcap", recorded)
     run(command, bag, tmp_path / "out.mcap", "--homographies", tmp_path / "H.csv")
     assert max(errors_px(table(tmp_path / "H.csv"), flight[:3])) < 0.1
     data = messages(tmp_path / "out.mcap")["/cam/image_stabilized"][0][1]
     stabilised = decoded(data, "sensor_msgs/msg/Image")
-    assert stabilised.encoding == "bgr8"
+    assert stabilised.encoding == f"mono{depth}"
+    assert stabilised.data.tobytes() == shots[0].image.tobytes()
+
+
+def of_depth(gray: Gray, depth: int) -> Image:
+    return gray if depth == 8 else gray.astype(np.uint16) * 257
 
 
 def test_one_of_two_image_topics_is_chosen_and_the_other_taken_over(

@@ -21,3 +21,11 @@ def test_gaps_of_another_publisher_are_not_counted() -> None:
     counter = GapCounter()
     assert [counter.missed(number) for number in (1000, 1002, 1, 2, 5)] == [0, 1, 0, 0, 2]
     assert counter.missed(99, publishers=2) == 0
+
+
+def test_what_comes_while_suspended_is_not_missed() -> None:
+    gaps = GapCounter()
+    assert [gaps.missed(number) for number in (5, 7)] == [0, 1]
+    gaps.suspend()
+    assert [gaps.missed(number) for number in (100, 102)] == [0, 1]
+    assert gaps.before == 4

@@ -7,6 +7,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+import pytest
 from conftest import Command
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -15,6 +16,7 @@ from georeferenced_stream import (
     LATCHED,
     SIZE,
     GeoreferencedStream,
+    binned_info,
     camera_info,
     motion,
     ortho_H_image,
@@ -60,13 +62,13 @@ def test_windows_of_stabilised_images_show_the_same_ground(graph: Graph) -> None
         np.testing.assert_array_equal(np.reshape(stream.images[-1].data, wanted.shape), wanted)
 
 
-def test_compressed_images_are_placed_as_raw_ones(graph: Graph) -> None:
-    """As bgr8, whatever they are."""
+@pytest.mark.parametrize("info", [camera_info(), binned_info()], ids=["whole", "cut and binned"])
+def test_compressed_images_are_placed_as_raw_ones(graph: Graph, info: CameraInfo) -> None:
+    """Also where camera_info tells of a larger sensor, of which the images show a part, binned."""
     infos, images = graph.listen(CameraInfo, "/cam/ortho_info"), graph.listen(Image, "/cam/image_ortho")
     graph.start("georeference_node", "/cam", queue_depth=0, wait_for_subscribers=1, image_transport="compressed",
                 orientation="stationary_nadir", height_m=30.0)
-    info = graph.node.create_publisher(CameraInfo, "/cam/camera_info", LATCHED)
-    info.publish(camera_info())
+    graph.node.create_publisher(CameraInfo, "/cam/camera_info", LATCHED).publish(info)
     camera = graph.speak(CompressedImage, "/cam/image_raw/compressed")
     engine = make_georeferencer({"orientation": "stationary_nadir", "height_m": 30.0}, CAMERA, SIZE)
     for number in range(3):
@@ -81,8 +83,8 @@ def test_compressed_images_are_placed_as_raw_ones(graph: Graph) -> None:
         assert answer.ortho_H_image is not None
         assert wanted is not None
         np.testing.assert_allclose(ortho_H_image(infos[number]), answer.ortho_H_image, rtol=1e-9, atol=1e-9)
-        in_colour = np.reshape(images[number].data, (*wanted.shape, 3))
-        np.testing.assert_array_equal(in_colour, np.dstack([wanted] * 3))
+        assert images[number].encoding == "mono8"
+        np.testing.assert_array_equal(np.reshape(images[number].data, wanted.shape), wanted)
 
 
 def test_sensors_are_fused_with_the_tracker_live_as_by_the_command(

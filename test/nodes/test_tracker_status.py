@@ -68,3 +68,17 @@ def test_ambiguous_ground_parallax_and_swinging_rows_are_in_every_report() -> No
         assert report.message == "; ".join(
             ["tracked", ambiguous_ground(status.competing), parallax(status.relief), rolling_shutter(status.swing)])
         assert [report.values[key] for key in ("rival_share", "parallax_px", "rows_px")] == ["0.25", "0.125", "0.5"]
+
+
+def test_sleep_is_no_fault_and_the_silence_of_it_is_not_told() -> None:
+    status = TrackerStatus("direct", stale_ns=2 * SECOND_NS)
+    status.on_image(0)
+    status.on_track(a_track(State.TRACKED), latency_ns=1)
+    status.asleep = True
+    status.timeout.suspend()
+    report = status.report(100 * SECOND_NS)
+    assert (report.level, report.message) == (0, "asleep until somebody listens")
+    assert report.values["state"] == "ASLEEP"
+    status.asleep = False
+    assert status.report(101 * SECOND_NS).values["state"] == "TRACKED"
+    assert status.on_image(102 * SECOND_NS) == 0.0
