@@ -202,7 +202,7 @@ def info_of(**fields: object) -> CameraInfo:
 
 
 @pytest.mark.parametrize("corrected", [True, False])
-@pytest.mark.parametrize(("roi", "scale"), [("", 1.0), ("60, 40, 280, 200", 0.5)])
+@pytest.mark.parametrize(("roi", "scale"), [("60, 40, 280, 200", 0.5), ("", 1.0)])
 def test_the_twin_is_the_camera_of_the_picture(graph: Graph, corrected: bool, roi: str, scale: float) -> None:
     graph.start("tracker_node", "/cam", **PLAIN, use_camera_info=corrected, output_roi=roi, output_scale=scale)
     graph.listen(CameraInfo, "/cam/homography")
