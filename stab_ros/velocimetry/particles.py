@@ -78,6 +78,11 @@ class Particles:
         self.last: Interval | None = None
         self.tracks: Tracks | None = None
 
+    @property
+    def dropped(self) -> Mapping[str, int]:
+        """See `Method`."""
+        return {} if self.last is None else self.last.dropped
+
     def add(self, frame: PlacedFrame) -> Vectors | None:
         """Takes the next frame; see `Method.add`.
 
