@@ -59,6 +59,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _tell(result: Velocities) -> None:
     from stab_ros.velocimetry.bank_over_time import told
+    from stab_ros.velocimetry.dropped import dropped_text
 
     unplaced = result.unplaced.total()
     tell(f"{counted(result.frames, 'frame')}: {result.frames - unplaced} placed, {unplaced} unplaced, "
@@ -66,6 +67,8 @@ def _tell(result: Velocities) -> None:
     for reason, count in result.unplaced.most_common():
         tell(f"unplaced {count} of {result.frames}: {reason}")
     tell(f"vectors:      {len(result.vectors)} in {counted(result.intervals, 'interval')}")
+    if result.dropped:
+        tell(f"dropped:      {dropped_text(result.dropped)}")
     if len(result.vectors):
         tell(f"median speed: {result.median_speed:.4g} {result.unit}/s")
     if result.bank.count:

@@ -35,6 +35,7 @@ from stab_ros.parameters.velocimeters import stream_config, unit_of
 from stab_ros.report.velocity_page import Measurement, write_velocity_page
 from stab_ros.velocimetry.bank import BankVelocity
 from stab_ros.velocimetry.bank_over_time import bank_of, over_time, told
+from stab_ros.velocimetry.dropped import bed_doubt
 from stab_ros.velocimetry.speeds import joined, speed_m_s
 from stab_ros.velocimetry.vectors import Unit, Vectors
 from stab_ros.velocimetry.velocimeter import Measured
@@ -71,6 +72,7 @@ class Velocities:
     parts: list[Vectors] = field(default_factory=list)
     water_parts: list[Vectors] = field(default_factory=list)
     bank_parts: list[Measured] = field(default_factory=list)
+    dropped: Counter[str] = field(default_factory=Counter)  # vectors, by reason
     wse_m: float = 0.0  # at the last interval
     duration_s: float = 0.0
     warnings: tuple[str, ...] = ()
@@ -113,6 +115,7 @@ class Velocities:
         self.intervals += 1
         self.parts.append(measured.vectors)
         self.water_parts.append(water)
+        self.dropped.update(measured.dropped)
         self.wse_m = measured.wse_m
 
 
@@ -191,7 +194,7 @@ class _Outputs:
 def _measurement(result: Velocities, work: VelocityWork) -> Measurement:
     bank = joined([one.vectors for one in result.bank_parts], result.unit)
     return Measurement(work.name, result.water, result.bank, bank, work.background, work.bank_known, result.frames,
-                       result.frames - result.unplaced.total(), result.warnings, work.grid_m)
+                       result.frames - result.unplaced.total(), result.warnings, work.grid_m, result.dropped)
 
 
 @contextmanager
@@ -266,6 +269,9 @@ def _said(source: Source, work: VelocityWork, result: Velocities) -> list[str]:
     if not (work.bank_known or work.area_given):
         said.append(f"{source.name}: no static map tells ground from water, so velocities are measured everywhere, on "
                     "the bank, too; roi, exclude or static_map must say where the water is")
+    bed = bed_doubt(result.dropped, len(result.vectors))
+    if bed:
+        said.append(f"{source.name}: {bed}")
     bank = result.bank
     if bank.at_rest is False:
         said.append(f"{source.name}: the bank moves by {told(bank, result.unit)}; the frames do not lie still, and "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from stab_ros.core.text import number
 from stab_ros.nodes.georeference_status import GeoreferenceStatus
 from stab_ros.velocimetry.bank import BankVelocity
 from stab_ros.velocimetry.bank_over_time import bank_of, over_time, told
+from stab_ros.velocimetry.dropped import bed_doubt
 from stab_ros.velocimetry.speeds import sigma_speed_m_s, speed_m_s
 from stab_ros.velocimetry.vectors import Unit, Vectors
 from stab_ros.velocimetry.velocimeter import Measured
@@ -24,6 +25,8 @@ class VelocimetryStatus(GeoreferenceStatus):
         super().__init__(orientation, stale_ns)
         self._unit = unit
         self._intervals = self._vectors = 0
+        self._dropped: Counter[str] = Counter()
+        self._bed_told = False
         self._last: Vectors | None = None
         self._bank: deque[BankVelocity] = deque(maxlen=_BANK_INTERVALS)
         self._latency_ms: float | None = None
@@ -32,7 +35,12 @@ class VelocimetryStatus(GeoreferenceStatus):
         """An interval of the water. latency_ns: from the publication of its last image to that of its vectors."""
         self._intervals += 1
         self._vectors += len(measured.vectors)
+        self._dropped.update(measured.dropped)
         self._last, self._latency_ms = measured.vectors, latency_ns / 1e6
+        bed = bed_doubt(self._dropped, self._vectors)
+        if bed and not self._bed_told:
+            self._bed_told = True
+            self.warn("bed", bed)
         if not len(measured.vectors):
             self.warn("no vectors", "the last interval has no vector: the water shows nothing that can be followed")
 
@@ -53,6 +61,7 @@ class VelocimetryStatus(GeoreferenceStatus):
             **super()._values(state),
             "intervals": str(self._intervals),
             "vectors": str(self._vectors),
+            **{f"dropped_{reason}": str(count) for reason, count in self._dropped.items()},
             "unit": f"{unit}/s",
             "median_speed": number(speed),
             "median_sigma": number(sigma),

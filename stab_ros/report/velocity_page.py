@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,7 @@ from stab_ros.report.velocity_maps import (
 )
 from stab_ros.velocimetry.bank import BankVelocity
 from stab_ros.velocimetry.bank_over_time import told
+from stab_ros.velocimetry.dropped import dropped_text
 from stab_ros.velocimetry.grid import on_grid
 from stab_ros.velocimetry.grid_side import side_for
 from stab_ros.velocimetry.speeds import sigma_speed_m_s, speed_m_s
@@ -42,6 +43,7 @@ class Measurement:
         placed: number of those that were placed.
         warnings: one line each.
         grid_m: side of the cells; 0: what suits the vectors.
+        dropped: how many vectors filters have dropped, by reason.
     """
 
     source: str
@@ -54,6 +56,7 @@ class Measurement:
     placed: int
     warnings: tuple[str, ...]
     grid_m: float = 0.0
+    dropped: Mapping[str, int] = field(default_factory=dict)
 
 
 def write_velocity_page(path: Path, measurement: Measurement) -> None:
@@ -86,6 +89,8 @@ def _rows(measurement: Measurement) -> Iterator[tuple[str, str]]:
     vectors, unit = measurement.vectors, measurement.vectors.unit
     yield "frames placed", f"{measurement.placed} of {measurement.frames}"
     yield "vectors", f"{len(vectors)}"
+    if measurement.dropped:
+        yield "vectors dropped", dropped_text(measurement.dropped)
     if not len(vectors):
         return
     speed = speed_m_s(vectors)

@@ -16,6 +16,7 @@ from stab_ros.velocimetry.comparison import compared
 from stab_ros.velocimetry.optical_flow import followed
 from stab_ros.velocimetry.placed_frame import PlacedFrame
 from stab_ros.velocimetry.places import pixels_of, place_derivatives, places_of
+from stab_ros.velocimetry.second_look import look_again
 from stab_ros.velocimetry.settings import VelocityConfig
 from stab_ros.velocimetry.tracks import Tracks
 from stab_ros.velocimetry.windows import TERMS, cut_windows
@@ -69,6 +70,9 @@ class TemplateFollower:
             self._refine()
             self._check_backward()
         self._tracks.covariance_m2 = self._before_m2 + self._since_m2
+        if self._last is not self._first:
+            look_again(self._tracks, self._footprints.stamp_ns == self._first.stamp_ns, self._first, self._last,
+                       self._config)
         return self._tracks
 
     def _expected_px(self, frame: PlacedFrame) -> FloatArray:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
 from stab_ros.velocimetry.placed_frame import PlacedFrame
@@ -58,6 +60,8 @@ Frames = TypeVar("Frames", bound=IntervalFrames)
 
 class IntervalMethod(ABC, Generic[Frames]):
     """A `Method` whose intervals follow one another, the last frame of one being the first of the next."""
+
+    dropped: Mapping[str, int] = MappingProxyType({})  # what is judged here are windows and lines, before vectors
 
     def __init__(self, interval_s: float) -> None:
         """interval_s: length of an interval, s."""

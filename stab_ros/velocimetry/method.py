@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Protocol
 
 from stab_ros.velocimetry.placed_frame import PlacedFrame
@@ -10,6 +11,10 @@ from stab_ros.velocimetry.vectors import Vectors
 
 class Method(Protocol):
     """Measures velocities in the frames of a stream; knows no files, messages or clock."""
+
+    @property
+    def dropped(self) -> Mapping[str, int]:
+        """How many vectors of the last interval were dropped, by reason; empty where the method counts none."""
 
     def add(self, frame: PlacedFrame) -> Vectors | None:
         """Takes the next frame.

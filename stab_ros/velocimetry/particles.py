@@ -40,7 +40,8 @@ class Interval:
         frames: number of them.
         seeded: number of features that were detected.
         lost: of those, how many were lost before they gave a vector.
-        dropped: how many vectors each filter has dropped, by its name.
+        dropped: how many vectors each filter has dropped, by its name; before those `dragged`: features that a bed or
+            waves have pulled off the water, see `second_look`.
         kept: number of vectors that are left.
     """
 
@@ -77,6 +78,11 @@ class Particles:
         self.last: Interval | None = None
         self.tracks: Tracks | None = None
 
+    @property
+    def dropped(self) -> Mapping[str, int]:
+        """See `Method`."""
+        return {} if self.last is None else self.last.dropped
+
     def add(self, frame: PlacedFrame) -> Vectors | None:
         """Takes the next frame; see `Method.add`.
 
@@ -105,9 +111,9 @@ class Particles:
         vectors = vectors_of(tracks, found, self._next_id, self._config.time_sigma_s, self._unit)
         result = filtered(Candidates(vectors, parts_m_s(tracks, found)), self._config)
         self.tracks, self._next_id = tracks, self._next_id + len(tracks)
-        stamps_ns = tracks.stamps_ns
+        stamps_ns, dropped = tracks.stamps_ns, {"dragged": int(np.count_nonzero(tracks.dragged)), **result.dropped}
         self.last = Interval(int(stamps_ns[0]), int(stamps_ns[-1]), len(stamps_ns), len(tracks),
-                             int(np.count_nonzero(~found)), result.dropped, len(result.vectors))
+                             int(np.count_nonzero(~found & ~tracks.dragged)), dropped, len(result.vectors))
         return result.vectors
 
     @property

@@ -22,6 +22,7 @@ class Tracks:
         covariance_m2: (N, 2, 2), of the place of `end_px` relative to the start, by what each feature has by itself.
         frames: the first frame, and those since, without their images.
         places_m: of each frame, (N, 2) places on the plane; NaN where a feature was not seen.
+        dragged: (N,) bool, which were dropped because two patterns have pulled at them.
     """
 
     start_px: FloatArray
@@ -31,6 +32,10 @@ class Tracks:
     covariance_m2: FloatArray
     frames: list[PlacedFrame] = field(default_factory=list)
     places_m: list[FloatArray] = field(default_factory=list)
+    dragged: BoolArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.dragged = np.zeros(len(self.start_px), bool)
 
     @staticmethod
     def begun(frame: PlacedFrame, start_px: FloatArray, places_m: FloatArray) -> Tracks:
@@ -54,6 +59,13 @@ class Tracks:
     def drop(self, which: IdArray) -> None:
         """Lets go of the features `which`, (n,), as if they had never been seen after the first frame."""
         self.alive[which], self.end_frame[which] = False, 0
+
+    def put_end(self, which: IdArray, at_px: FloatArray, moved_m: FloatArray, covariance_m2: FloatArray) -> None:
+        """Replaces where the features `which`, (n,), are in the last frame, and forgets where they were between."""
+        for places_m in self.places_m[1:-1]:
+            places_m[which] = np.nan
+        self.end_px[which], self.places_m[-1][which] = at_px, self.places_m[0][which] + moved_m
+        self.covariance_m2[which] = covariance_m2
 
     @property
     def stamps_ns(self) -> IdArray:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -37,6 +37,7 @@ class Measured:
         vectors: where velocities are wanted; they may be none.
         wse_m: water surface elevation at that frame.
         zone: of the reference.
+        dropped: how many vectors were dropped, by reason, wherever they lay.
     """
 
     frame: Frame
@@ -45,6 +46,7 @@ class Measured:
     vectors: Vectors
     wse_m: float
     zone: Zone
+    dropped: Mapping[str, int] = field(default_factory=dict)
 
 
 class Velocimeter:
@@ -131,7 +133,7 @@ class Velocimeter:
         return ended
 
     def _measured(self, vectors: Vectors | None) -> list[Measured]:
-        if vectors is None or self._last is None or self._zone is None:
+        if vectors is None or self._last is None or self._zone is None or self._method is None:
             return []
         wanted = self._zone.holds(vectors)
         if self._stream.orthophoto is not None:
@@ -140,7 +142,8 @@ class Velocimeter:
             self._whole = {stamp_ns: one for stamp_ns, one in self._whole.items() if stamp_ns == last_ns}
         answer, placed = self._last
         stamp_ns = int(vectors.end_ns.max(initial=0)) or placed.stamp_ns
-        return [Measured(answer.frame, placed, stamp_ns, vectors[wanted], answer.wse_m, self._zone)]
+        return [Measured(answer.frame, placed, stamp_ns, vectors[wanted], answer.wse_m, self._zone,
+                         self._method.dropped)]
 
     def _inside(self, places: FloatArray, stamps_ns: IdArray) -> BoolArray:
         """(N,) bool: which places the frames as taken show, off their borders, which orthophotos show as edges."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,7 @@ def measured(recordings: dict[str, Path], executable: Command, tmp_path_factory:
                       "gsd_m:=0.02", "-p", "origin:=46.1, 7.2, 300", *SHORT)
     assert done.returncode == 0, done.stderr
     assert "m/s" in done.stdout
+    assert re.search(r"^dropped: +(none|\d+ \w+(, \d+ \w+)*)$", done.stdout, re.MULTILINE), done.stdout
     return folder
 
 
@@ -77,6 +79,7 @@ def test_origin_of_the_map_is_told(measured: Path) -> None:
 
 def test_page_tells_of_the_bank(measured: Path) -> None:
     page = (measured / "V.html").read_text()
+    assert "vectors dropped" in page
     assert "The bank moves by" in page or "No static map" in page or "too little" in page
     assert page.count("<img") >= 4
 

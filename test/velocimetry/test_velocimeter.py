@@ -34,6 +34,7 @@ class FollowPixels:
 
     def __init__(self) -> None:
         self.frames: list[PlacedFrame] = []
+        self.dropped = {"one": 3}
 
     def add(self, frame: PlacedFrame) -> Vectors | None:
         self.frames.append(frame)
@@ -108,6 +109,7 @@ def test_stabilised_images_show_the_same_places_with_the_same_error() -> None:
 
 def test_lost_frames_are_left_out() -> None:
     one, = measured([motion(0), None, motion(2)], Stream("px"))
+    assert one.dropped == {"one": 3}
     assert (one.vectors.end_ns - one.vectors.start_ns == 2 * STEP_NS).all()
     np.testing.assert_allclose(one.vectors.velocity_m_s, np.tile([-12.5, 6.25], (4, 1)), rtol=1e-12)
 

@@ -1,0 +1,26 @@
+"""What filters have dropped, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+_MANY = 0.1  # share of the vectors that a bed has dragged along from which on it is told
+
+
+def dropped_text(dropped: Mapping[str, int]) -> str:
+    """Numbers of vectors by reason, those of which there are any: `192 dragged, 3 local_median`; else `none`."""
+    return ", ".join(f"{count} {reason}" for reason, count in dropped.items() if count) or "none"
+
+
+def bed_doubt(dropped: Mapping[str, int], kept: int) -> str:
+    """What is to be said where many vectors were dragged along by a bed; empty: few were.
+
+    Args:
+        dropped: numbers of vectors by reason.
+        kept: number of those that are left.
+    """
+    dragged = dropped.get("dragged", 0)
+    if dragged <= _MANY * (kept + sum(dropped.values())):
+        return ""
+    return (f"{dragged} vectors were dropped, as something stands where the water has moved on, like a bed that shows "
+            f"through; of the {kept} that are left some may be its, min_speed drops them")
