@@ -18,6 +18,7 @@ from stab_ros.parameters.node_settings import (
     DischargeSettings,
     EvaluatorSettings,
     GeoreferenceSettings,
+    ManagedSettings,
     TrackerSettings,
     VelocimetrySettings,
 )
@@ -105,5 +106,6 @@ if __name__ == "__main__":
     print(_section(_VELOCITY, OWN_VELOCITY_PARAMETERS.values()))
     print(_presets(_VELOCITY_PRESETS, VELOCITY_PRESETS))
     print(_section(_DISCHARGE, DISCHARGE_PARAMETERS.values()))
+    print(_section("Every node", table_of(ManagedSettings).values()))
     for name, settings in _NODES.items():
         print(_section(f"`{name}` alone", [*table_of(settings).values(), *_MORE.get(name, [])]))
