@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from live_graph import Graph, NodeProcess, image_message
+from diagnostic_msgs.msg import DiagnosticArray
+from live_graph import Graph, NodeProcess, image_message, values_of
 from mcap.reader import make_reader
 from recordings import entries, write_mcap
 from sensor_msgs.msg import Image
@@ -61,7 +62,8 @@ def started(graph: Graph, name: str, flight: list[Shot], folder: Path) -> NodePr
     """A node at work."""
     bag = write_mcap(folder / "in.mcap", list(entries(flight)))
     node = graph.start(name, "/cam", **parameters_of(name, bag, folder / "out.mcap"))
-    graph.until(lambda: graph.node.count_publishers("/diagnostics") >= 1, f"{name} at work")
+    reports = graph.listen(DiagnosticArray, "/diagnostics")
+    graph.until(lambda: reports and values_of(reports[-1])["lifecycle"] == "active", f"{name} at work")
     graph.until(lambda: opened(node.process.pid), "its shared memory")
     return node
 

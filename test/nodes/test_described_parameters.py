@@ -16,10 +16,12 @@ from stab_ros.nodes.bag_player_node import PlayerSettings
 from stab_ros.nodes.bag_recorder_node import RecorderSettings
 from stab_ros.nodes.params import table_of
 from stab_ros.parameters.discharge import DISCHARGE_PARAMETERS
+from stab_ros.parameters.node_settings import ManagedSettings
 from stab_ros.parameters.table import EVALUATOR_PARAMETERS, GEOREFERENCE_PARAMETERS, PARAMETERS, VELOCITY_PARAMETERS
 
 TABLES: Mapping[str, tuple[Mapping[str, Any], frozenset[str]]] = {
-    "tracker_node": ({**PARAMETERS, **tracker_node.SETTINGS}, tracker_node.CHANGEABLE),
+    "tracker_node": ({**PARAMETERS, **tracker_node.SETTINGS, **tracker_node.COMPRESSED},
+                     tracker_node.CHANGEABLE | {*tracker_node.COMPRESSED}),
     "evaluator_node": ({**EVALUATOR_PARAMETERS, **evaluator_node.SETTINGS}, evaluator_node.CHANGEABLE),
     "georeference_node": ({**GEOREFERENCE_PARAMETERS, **georeference_node.SETTINGS}, georeference_node.CHANGEABLE),
     "velocimetry_node": ({**VELOCITY_PARAMETERS, **velocimetry_node.SETTINGS}, velocimetry_node.CHANGEABLE),
@@ -55,7 +57,8 @@ def described(graph: Graph, node: str) -> dict[str, ParameterDescriptor]:
 def test_every_parameter_describes_itself(
     node: str, graph: Graph, tmp_path: Path, recordings: Mapping[str, Path]
 ) -> None:
-    table, changeable = TABLES[node]
+    own, changeable = TABLES[node]
+    table = {**own, **table_of(ManagedSettings)}
     graph.start(node, **needed(node, tmp_path, recordings))
     shown = described(graph, node)
     assert all(one.description for one in shown.values()), [name for name, one in shown.items() if not one.description]
