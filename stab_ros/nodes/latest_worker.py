@@ -49,9 +49,14 @@ class LatestWorker(Generic[Item]):
             self._thread.join()
 
     def _run(self) -> None:
-        while (item := self._next()) is not None:
-            with self._guard:
-                self._work(item)
+        try:
+            while (item := self._next()) is not None:
+                with self._guard:
+                    self._work(item)
+        finally:  # what the guard lets pass ends the thread: nobody must wait for it
+            with self._changed:
+                self._closed = True
+                self._changed.notify_all()
 
     def _next(self) -> Item | None:
         """Waits for an item; None: closed."""

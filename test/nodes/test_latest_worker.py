@@ -5,8 +5,10 @@ from __future__ import annotations
 from contextlib import nullcontext
 from threading import Event, Thread
 
+import pytest
 import rclpy.logging
 
+from stab_ros.core.errors import InputError
 from stab_ros.nodes.failures import Failures
 from stab_ros.nodes.latest_worker import LatestWorker
 
@@ -71,5 +73,17 @@ def test_an_error_is_noted_and_the_next_item_worked_on() -> None:
 
 def test_who_gives_nothing_starts_no_thread_and_can_close() -> None:
     worker = LatestWorker(list[int]().append, nullcontext())
+    worker.flush()
+    worker.close()
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_nobody_waits_for_a_thread_that_an_error_has_ended() -> None:
+    def fails(item: int) -> None:
+        raise InputError(f"{item} is no picture")
+
+    worker = LatestWorker(fails, Failures(rclpy.logging.get_logger("test")), keep_all=True)
+    for item in range(3):
+        worker.put(item)
     worker.flush()
     worker.close()
