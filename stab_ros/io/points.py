@@ -43,9 +43,10 @@ def _listed(text: str) -> FloatArray:
         raise InputError(f"manual_points: {len(text)} characters, it must have at most {_MAX_TEXT}")
     try:
         points = np.array(json.loads(text), dtype=np.float64)
-        points = points.reshape(-1, 2) if points.ndim == 1 and points.size % 2 == 0 else points
     except (ValueError, TypeError, OverflowError, RecursionError) as error:
         raise InputError(f"manual_points: it must be JSON [[x, y], ...] ({error})") from error
+    if points.ndim == 1 and points.size in range(4, _MAX_TEXT, 2):  # [x, y, x, y, ...]; of nested ones rcl keeps a row
+        points = points.reshape(-1, 2)
     if points.ndim != 2 or points.shape[1] != 2 or not len(points):
         raise InputError(f"manual_points: {text[:80]!r} is no list of points, it must be JSON [[x, y], ...]")
     if not np.isfinite(points).all():

@@ -19,6 +19,8 @@ from stab_ros.parameters.discharge import DISCHARGE_PARAMETERS
 from stab_ros.parameters.node_settings import ManagedSettings
 from stab_ros.parameters.table import EVALUATOR_PARAMETERS, GEOREFERENCE_PARAMETERS, PARAMETERS, VELOCITY_PARAMETERS
 
+pytestmark = pytest.mark.thorough  # nodes that start and end for each case
+
 TABLES: Mapping[str, tuple[Mapping[str, Any], frozenset[str]]] = {
     "tracker_node": ({**PARAMETERS, **tracker_node.SETTINGS, **tracker_node.COMPRESSED},
                      tracker_node.CHANGEABLE | {*tracker_node.COMPRESSED}),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -106,6 +107,7 @@ def test_what_cannot_be_configured_says_why_and_may_be_mended(graph: Graph) -> N
     assert "threshold" in reason
 
 
+@pytest.mark.thorough
 def test_a_node_that_brings_itself_up_is_managed_too(graph: Graph) -> None:
     graph.start("tracker_node")
     graph.until(lambda: graph.node.count_subscribers("image_raw"), "the tracker takes images")
@@ -118,6 +120,7 @@ def test_a_node_that_brings_itself_up_is_managed_too(graph: Graph) -> None:
     graph.until(lambda: graph.node.count_subscribers("image_raw"), "the tracker takes images again")
 
 
+@pytest.mark.thorough
 def test_a_replay_pauses_and_goes_on(graph: Graph, recordings: dict[str, Path]) -> None:
     heard = graph.listen(Image, IMAGE_TOPIC)
     player = graph.start("bag_player_node", bag=str(recordings["mcap"]), autostart=False, wait_for_subscribers=1,
@@ -136,6 +139,7 @@ def test_a_replay_pauses_and_goes_on(graph: Graph, recordings: dict[str, Path]) 
     assert player.stop() == 0
 
 
+@pytest.mark.thorough
 def test_a_recording_pauses_and_is_complete_after_cleanup(graph: Graph, flight: list[Shot], tmp_path: Path) -> None:
     output = tmp_path / "parts.mcap"
     graph.start("bag_recorder_node", output=str(output), topics=["/camera"], autostart=False)
@@ -159,6 +163,7 @@ def test_a_recording_pauses_and_is_complete_after_cleanup(graph: Graph, flight: 
     assert change(graph, "bag_recorder_node", CONFIGURE)
 
 
+@pytest.mark.thorough
 def test_frames_of_a_start_are_answered_when_it_is_broken_off(graph: Graph, flight: list[Shot]) -> None:
     reports = graph.listen(DiagnosticArray, "/diagnostics")
     graph.start("tracker_node", queue_depth=0, start_s=5.0)

@@ -24,6 +24,8 @@ from stab_ros.io.camera_message import read_camera
 from stab_ros.io.cdr import read_stamp
 from stab_ros.synthetic.flight import Shot
 
+pytestmark = pytest.mark.thorough  # nodes that start and end for each case
+
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 STABILIZED = "/cam/image_stabilized"
 COMPRESSED, TWIN = f"{STABILIZED}/compressed", f"{STABILIZED}/camera_info"

@@ -17,6 +17,8 @@ from sensor_msgs.msg import CameraInfo, Image
 
 from stab_ros.nodes.qos import LATCHED
 
+pytestmark = pytest.mark.thorough  # nodes that start and end for each case
+
 
 def _holds(heard: Sequence[object], count: int) -> bool:
     return len(heard) == count

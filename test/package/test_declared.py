@@ -109,7 +109,7 @@ def test_pip_brings_what_the_code_imports(setup_words: dict[str, Any]) -> None:
     of_ros = {"ros-jazzy-rclpy", "ros-jazzy-common-interfaces"}
     assert distributions(setup_words["install_requires"]) == known | of_ros
     assert modules - {*KEYS} <= {"rclpy", "rcl_interfaces", "rosgraph_msgs", "diagnostic_msgs", "geometry_msgs",
-                                 "sensor_msgs", "std_msgs", "std_srvs", "visualization_msgs"}
+                                 "lifecycle_msgs", "sensor_msgs", "std_msgs", "std_srvs", "visualization_msgs"}
 
 
 def test_pip_brings_what_the_tests_import(setup_words: dict[str, Any]) -> None:

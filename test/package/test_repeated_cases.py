@@ -14,7 +14,8 @@ TESTS = Path(__file__).parents[1]
 
 def test_every_test_of_one_case_is_there_and_has_several() -> None:
     text = "\n".join(path.read_text() for path in TESTS.rglob("test_*.py"))
-    parametrised = {*re.findall(r"^@pytest\.mark\.parametrize\((?:.|\n)*?^def (test_\w+)", text, re.MULTILINE)}
+    several = r"^@(?:pytest\.mark\.parametrize\(|every_)(?:.|\n)*?^def (test_\w+)"
+    parametrised = {*re.findall(several, text, re.MULTILINE)}
     assert parametrised >= ONE_CASE
 
 
