@@ -107,7 +107,7 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         if unused_overrides(self):
             self.create_steady_timer(_UNUSED_S, self._tell_unused)
         self.autostart = self._starts = bool(params.declare(self, params.table_of(ManagedSettings))["autostart"])
-        self.add_on_set_parameters_callback(self._refuse_unknown)
+        self.add_on_set_parameters_callback(self._refuse_idle_changes)
         self.create_steady_timer(1.0, self._report_state)
         self.create_steady_timer(_POLL_NS / SECOND_NS, self._poll_if_active)
         if self.autostart:
@@ -176,6 +176,11 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
             WorkError: what was written cannot be completed.
         """
         self._let_go()
+
+    def destroy_node(self) -> None:
+        """Also lets go of the state machine, which would keep the node in the graph, and its shared memory."""
+        super().destroy_node()
+        del self._state_machine
 
     def prepare(self) -> None:
         """Activates the node at once rather than at its first spin; compiles its kernels if that is still to be done.
@@ -313,11 +318,14 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
                 self._told_unused.add(name)
                 self.get_logger().warning(line)
 
-    def _refuse_unknown(self, changed: list[Parameter]) -> SetParametersResult:
-        """Before `configure` nobody knows which parameters there are; after it, others have no effect."""
+    def _refuse_idle_changes(self, changed: list[Parameter]) -> SetParametersResult:
+        """Once configured, other parameters than those that are declared have no effect, nor have some changes."""
         for one in changed if self.is_configured else []:
             if one.type_ is Parameter.Type.NOT_SET:
                 return SetParametersResult(successful=False, reason=f"{one.name} cannot be taken away, set it instead")
+            if one.name in self.fixed:
+                return SetParametersResult(successful=False, reason=f"{one.name} is fixed while the node is "
+                                           "configured, set it after cleanup")
             if not (self.has_parameter(one.name) or one.name.startswith(PREFIX)):
                 known = list(self.get_parameters_by_prefix(""))
                 return SetParametersResult(successful=False, reason=params.unknown(one.name, known))

@@ -29,6 +29,7 @@ class DeclaringNode(Node):
 
     Attributes:
         defaulted: parameters that nobody has given, by name, and their defaults.
+        fixed: those that a configured node cannot change.
         autostart: whether it configures itself; if not, nothing is read-only.
     """
 
@@ -49,6 +50,7 @@ class DeclaringNode(Node):
         super().__init__(automatically_declare_parameters_from_overrides=True, allow_undeclared_parameters=True,
                          **options)
         self.defaulted: dict[str, Value] = {}
+        self.fixed: set[str] = set()
         self.autostart = True
 
 
@@ -60,12 +62,14 @@ def table_of(settings: type[Any]) -> dict[str, Parameter]:
 def declare(node: DeclaringNode, table: Mapping[str, Parameter], changeable: Collection[str] = ()) -> dict[str, Value]:
     """Declares `table`, perhaps again, and returns the values in force; all but `changeable` are read-only.
 
-    A node that is configured from outside may be given other values while it is not: there no parameter is read-only.
+    A node that is configured from outside may be given other values while it is not: there no parameter is read-only,
+    but `fixed` where it is configured.
 
     Raises:
         ConfigError: an override has the wrong type or is out of range.
     """
     values = {name: _taken(node, parameter) for name, parameter in table.items()}
+    node.fixed.update({*table}.difference(changeable))
     for name, value in values.items():
         _declare(node, name, value, describe(table[name].limits, value, name not in changeable and node.autostart))
     return values
@@ -108,6 +112,7 @@ def declare_names(node: DeclaringNode, name: str, doc: str) -> list[str]:
     if not all(isinstance(one, str) for one in names):
         raise ConfigError(f"{name}: {value!r} must be a list of names, as in -p {name}:=[/a,/b]")
     shown = ParameterDescriptor(description=doc, read_only=node.autostart)
+    node.fixed.add(name)
     _declare(node, name, names or RosParameter.Type.STRING_ARRAY, shown)
     return names
 

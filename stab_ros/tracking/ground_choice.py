@@ -12,8 +12,7 @@ So each pair of planes is compared by
 4. size,
 5. motion, where one of the planes has not moved at all in the image: then it is fixed to the camera, as an overlay, or
    the camera is fixed and the other one is water. A camera turns and sways, water moves on steadily and shears. And
-   what is fixed to the camera is scattered over the scene. Where the scene shows through, it draws what is fixed along:
-   that moves by a small part of the scene's motion, which water does not share with a camera,
+   what is fixed to the camera is scattered over the scene,
 
 as log odds that add up. Each of them is bounded, so none can outweigh all others. (A polygon or a static map replaces
 them all.) Where the sum stays small, the choice is ambiguous, and the other plane is kept as a competing hypothesis.
@@ -38,8 +37,6 @@ _HOVERING = 0.0015  # of the image width: drift of a hovering camera during the 
 _SWAY_PX = 0.5  # of a plane beyond a steady motion: neither for nor against a moving camera
 _MOTION, _MOST_BY_MOTION = 1.5, 3.0
 _SCATTERED = 4.0
-_DRAWN_PX = 0.1  # as far as all that is fixed to the camera may move together without being drawn along
-_ALIGNED_RAD = 0.15  # between the paths of what is drawn along and of the scene, standard deviation
 _BESIDE = 1.6  # times the mean distance of the features
 CERTAIN_ODDS = 1.65  # odds of 5 to 1, more than drift and size alone can give
 _CAUTION = 1.0
@@ -130,9 +127,8 @@ class _Cues:
 
     power: (N,) of all features. kept, lost, stays: (N,) bool, its own, those that were lost in its Voronoi cells, and
     all that its motion keeps in view. hull, features_px: (n, 2), of its own. drift_px: at the end of the start-up.
-    path_px: (F, 2) how far its centre has moved, NaN: unknown. width_px: of the image. elapsed_s: length of the
-    start-up. at_rest: of `Plane`. motion: log odds that it moves as the scene does before a camera, and not as water.
-    scattered: log odds that it is scattered over the scene.
+    width_px: of the image. elapsed_s: length of the start-up. at_rest: of `Plane`. motion: log odds that it moves as
+    the scene does before a camera, and not as water. scattered: log odds that it is scattered over the scene.
     """
 
     power: FloatArray
@@ -142,7 +138,6 @@ class _Cues:
     hull: FloatArray
     features_px: FloatArray
     drift_px: float
-    path_px: FloatArray
     width_px: int
     elapsed_s: float
     at_rest: bool
@@ -151,10 +146,7 @@ class _Cues:
 
     def odds_against(self, other: _Cues) -> float:
         """Log odds that this plane is the ground and not the other one."""
-        odds = self.odds_without_drift(other)
-        if self._drawn(other):  # then even what is fixed to the camera drifts, or what drifts is
-            return odds
-        return odds + drift_odds(self.drift_px, other.drift_px, self.width_px, self.elapsed_s)
+        return self.odds_without_drift(other) + drift_odds(self.drift_px, other.drift_px, self.width_px, self.elapsed_s)
 
     def odds_without_drift(self, other: _Cues) -> float:
         """The same by all cues but drift."""
@@ -186,21 +178,7 @@ class _Cues:
 
     def _motion(self, other: _Cues) -> float:
         """Where one of the two is at rest: log odds that it is fixed to the camera, if that is the other one."""
-        return -other._motion(self) if self.at_rest else self.motion + other.scattered + self._drawn(other)
-
-    def _drawn(self, other: _Cues) -> float:
-        """Where one of the two is at rest: log odds, at least 0, that the other one draws it along.
-
-        As it moves by less, its path is the other one's made smaller. The path of a camera before water has any
-        direction.
-        """
-        if self.at_rest is other.at_rest:
-            return 0.0
-        resting, moving = (self, other) if self.at_rest else (other, self)
-        angle = _angle(resting.path_px, moving.path_px)
-        density = math.sqrt(2 / math.pi) / _ALIGNED_RAD * math.exp(-0.5 * (angle / _ALIGNED_RAD) ** 2)
-        moves = float(np.nanmax(np.hypot(*resting.path_px.T))) > _DRAWN_PX
-        return max(0.0, math.log(math.pi * density)) if moves else 0.0
+        return -other._motion(self) if self.at_rest else self.motion + other.scattered
 
 
 def drift_odds(own_px: float, other_px: float, width_px: int, elapsed_s: float) -> float:
@@ -225,9 +203,8 @@ def _cues(planes: list[Plane], seen: Observations) -> list[_Cues]:
         features_px = seen.reference_px[plane.member]
         hull = np.asarray(cv2.convexHull(features_px.astype(np.float32)).reshape(-1, 2))
         found.append(_Cues(seen.power, plane.member, lost, _stays_in_view(plane, seen), hull, features_px,
-                           drift_px(plane.last, seen.size), _path_px(plane, seen), seen.size[0],
-                           float(seen.elapsed_s[-1]), plane.at_rest, _motion_odds(plane, seen),
-                           _scattered_odds(plane, seen)))
+                           drift_px(plane.last, seen.size), seen.size[0], float(seen.elapsed_s[-1]),
+                           plane.at_rest, _motion_odds(plane, seen), _scattered_odds(plane, seen)))
     return found
 
 
@@ -260,23 +237,10 @@ def _turn_px(plane: Plane, seen: Observations) -> float:
 
 def _sway_px(plane: Plane, seen: Observations) -> float:
     """RMS distance of its centre from a steady motion, px."""
-    path_px = _path_px(plane, seen)
-    known = ~np.isnan(path_px[:, 0])
-    return _unsteady_px(seen.elapsed_s[known], path_px[known])
-
-
-def _path_px(plane: Plane, seen: Observations) -> FloatArray:
-    """(F, 2) how far the centre of its features has moved, NaN where that is not known."""
+    known = np.flatnonzero(~np.isnan(plane.ref_H_cur[:, 0, 0]))
     centre = seen.reference_px[plane.member].mean(axis=0)[None]
-    return np.array([np.full(2, np.nan) if np.isnan(H[0, 0]) else apply(np.linalg.inv(H), centre)[0] - centre[0]
-                     for H in plane.ref_H_cur])
-
-
-def _angle(path_px: FloatArray, other_px: FloatArray) -> float:
-    """Between two paths (F, 2) as vectors of what is known of both, rad; a right angle where one is at rest."""
-    both = ~np.isnan(path_px[:, 0]) & ~np.isnan(other_px[:, 0])
-    one, other = path_px[both].ravel(), other_px[both].ravel()
-    return math.acos(min(1.0, float(one @ other) / max(float(np.linalg.norm(one) * np.linalg.norm(other)), 1e-9)))
+    away_px = np.array([apply(np.linalg.inv(plane.ref_H_cur[f]), centre)[0] for f in known]) - centre
+    return _unsteady_px(seen.elapsed_s[known], away_px)
 
 
 def _share_near(points: FloatArray, others: FloatArray, within_px: float) -> float:

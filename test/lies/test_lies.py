@@ -34,7 +34,6 @@ MISLEADING = {  # seed and number of frames
     430020: 60,  # three planes, each of which can be the ground
     440106: 60,  # the codec scatters a bank while water that hardly flows keeps together
     430038: 60,  # dirt on the lens before a camera that sways, through which the scene is seen
-    450005: 60,  # dirt on three quarters of the picture, which the scene behind draws along
     450052: 60,  # gusts blow the bank and the water beside it out of a small picture
 }
 

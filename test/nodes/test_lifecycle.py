@@ -105,6 +105,11 @@ def test_what_cannot_be_configured_says_why_and_may_be_mended(graph: Graph) -> N
     taken, reason = graph.set_parameter("tracker_node", "treshold", 3.0)
     assert not taken
     assert "threshold" in reason
+    taken, reason = graph.set_parameter("tracker_node", "queue_depth", 0)
+    assert not taken
+    assert "after cleanup" in reason
+    assert change(graph, "tracker_node", CLEANUP)
+    assert graph.set_parameter("tracker_node", "queue_depth", 0) == (True, "")
 
 
 @pytest.mark.thorough

@@ -42,19 +42,8 @@ def test_what_has_left_the_picture_is_not_lost() -> None:
     assert choice.ground is ground or [other.plane for other in choice.others] == [ground]
 
 
-@pytest.mark.parametrize("share", [0.05, 0.1, 0.2])
-def test_what_the_scene_draws_along_is_fixed_to_the_camera(share: float) -> None:
-    """Dirt hides most of the picture; the camera hovers so well that the scene hardly sways."""
-    of_scene_px = np.stack([2.6 * ELAPSED_S + 0.2 * np.sin(9 * ELAPSED_S), -1.4 * ELAPSED_S], -1)
-    shown = np.arange(len(LATTICE_PX)) % 4 == 0
-    dirt = moved(~shown, share * of_scene_px, at_rest=True)
-    scene = moved(shown, of_scene_px)
-    choice = choose_ground([dirt, scene], observed())
-    assert choice.ground is scene or [other.plane for other in choice.others] == [scene]
-
-
-@pytest.mark.parametrize("of_camera_px", [(0.0, 0.0), (0.2, 0.3), (-0.25, 0.1)])
-def test_water_draws_no_camera_along(of_camera_px: tuple[float, float]) -> None:
+@pytest.mark.parametrize("of_camera_px", [(0.0, 0.0), (0.2, 0.3), (-0.25, 0.1), (0.26, -0.14)])
+def test_a_hovering_camera_may_drift_any_way(of_camera_px: tuple[float, float]) -> None:
     """A camera that hovers over two banks beside a river that moves as one."""
     of_water_px = ELAPSED_S[:, None] * np.array([2.6, -1.4])
     river = np.abs(LATTICE_PX[:, 1] - 120) < 60
