@@ -89,9 +89,9 @@ class BagPlayerNode(StabNode):
             if not self.is_active:
                 spinner.once()
             elif self._played(spinner):
-                self._flush()
                 if self.autostart:
                     break
+                self.flush()
                 self.trigger_deactivate()
 
     def _played(self, spinner: Spinner) -> bool:
@@ -106,8 +106,9 @@ class BagPlayerNode(StabNode):
     def _plays_on(self, spinner: Spinner) -> bool:
         return self.is_active and not spinner.stopping
 
-    def _flush(self) -> None:
-        for publisher in self._outputs.values():
+    def flush(self) -> None:
+        """Waits for the subscribers, unless the process is to end at once, and reports what was played."""
+        for publisher in () if self.stop.requested else self._outputs.values():
             publisher.flush()
         self.report()
         self.flush_diagnostics()
