@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.kernels import Compilation
@@ -36,10 +36,6 @@ from stab_ros.nodes.stamp_monitor import StampMonitor
 from stab_ros.nodes.stamp_pairing import Pair, StampPairing
 from stab_ros.nodes.throttled_warnings import ThrottledWarnings
 from stab_ros.parameters.node_settings import GeoreferenceSettings
-
-if TYPE_CHECKING:
-
-    pass
 
 _SENSORS = (FIX_TOPIC, "attitude")  # which frames wait for in the engine
 _LENS = ("the tracker does not remove the distortion of this lens, its homographies are not exact; start it with "
