@@ -42,7 +42,6 @@ CERTAIN_ODDS = 1.65  # odds of 5 to 1, more than drift and size alone can give
 _CAUTION = 1.0
 _APART_PX = 1.0  # planes that separate by less make no difference
 _UNSTEADY = 0.3  # largest share of the separation that is not in proportion to time
-_LEAST_SHARE = 0.05  # of the features of both planes, for a competing hypothesis
 
 
 Rate: TypeAlias = tuple[float, float]  # (x, y) px/s
@@ -126,9 +125,10 @@ class _Cues:
     """Cues of one plane.
 
     power: (N,) of all features. kept, lost, stays: (N,) bool, its own, those that were lost in its Voronoi cells, and
-    all that its motion keeps in view. hull, features_px: (n, 2), of its own. drift_px: at the end of the start-up.
-    width_px: of the image. elapsed_s: length of the start-up. at_rest: of `Plane`. motion: log odds that it moves as
-    the scene does before a camera, and not as water. scattered: log odds that it is scattered over the scene.
+    all that its motion keeps in view. hull, features_px: (n, 2), of its own. away_px: (F, 2) how far its centre has
+    moved in the image, NaN where that is not known. turn_px: how far its features have by rotation and scale.
+    drift_px: at the end of the start-up. width_px: of the image. elapsed_s: (F,). at_rest: of `Plane`. scattered: log
+    odds that it is scattered over the scene.
     """
 
     power: FloatArray
@@ -137,16 +137,18 @@ class _Cues:
     stays: BoolArray
     hull: FloatArray
     features_px: FloatArray
+    away_px: FloatArray
+    turn_px: float
     drift_px: float
     width_px: int
-    elapsed_s: float
+    elapsed_s: FloatArray
     at_rest: bool
-    motion: float
     scattered: float
 
     def odds_against(self, other: _Cues) -> float:
         """Log odds that this plane is the ground and not the other one."""
-        return self.odds_without_drift(other) + drift_odds(self.drift_px, other.drift_px, self.width_px, self.elapsed_s)
+        elapsed_s = float(self.elapsed_s[-1])
+        return self.odds_without_drift(other) + drift_odds(self.drift_px, other.drift_px, self.width_px, elapsed_s)
 
     def odds_without_drift(self, other: _Cues) -> float:
         """The same by all cues but drift."""
@@ -155,10 +157,15 @@ class _Cues:
                 + (self._spread(other) if self.at_rest is other.at_rest else self._motion(other)))
 
     def _persistence_odds(self, other: _Cues) -> float:
-        """Log ratio of both planes' persistence, among features of equal texture unless one is an overlay."""
+        """Log ratio of both planes' persistence, among features of equal texture unless one is an overlay.
+
+        Noise takes the weaker ones, so what of all was kept is a lower bound, also where hardly any is as strong.
+        """
         overlaid = self.at_rest is not other.at_rest
-        least_power = 0.0 if overlaid else max(self._usual_power, other._usual_power)
-        return math.log(self._persistence(other, least_power) / other._persistence(self, least_power))
+        usual = 0.0 if overlaid else max(self._usual_power, other._usual_power)
+        own, others = (max(one._persistence(two, 0.0), one._persistence(two, usual))
+                       for one, two in ((self, other), (other, self)))
+        return math.log(own / others)
 
     def _persistence(self, other: _Cues, least_power: float) -> float:
         """Share of the features with so much power that were not lost, as Laplace estimates it from few.
@@ -178,7 +185,15 @@ class _Cues:
 
     def _motion(self, other: _Cues) -> float:
         """Where one of the two is at rest: log odds that it is fixed to the camera, if that is the other one."""
-        return -other._motion(self) if self.at_rest else self.motion + other.scattered
+        if self.at_rest:
+            return -other._motion(self)
+        return _motion_odds(math.hypot(self.turn_px, self._sway_beside(other))) + other.scattered
+
+    def _sway_beside(self, other: _Cues) -> float:
+        """RMS distance from a steady motion, seen from the other plane, px: a camera at rest sways in the wind."""
+        away_px = self.away_px - other.away_px
+        known = ~np.isnan(away_px[:, 0])
+        return _unsteady_px(self.elapsed_s[known], away_px[known])
 
 
 def drift_odds(own_px: float, other_px: float, width_px: int, elapsed_s: float) -> float:
@@ -203,8 +218,8 @@ def _cues(planes: list[Plane], seen: Observations) -> list[_Cues]:
         features_px = seen.reference_px[plane.member]
         hull = np.asarray(cv2.convexHull(features_px.astype(np.float32)).reshape(-1, 2))
         found.append(_Cues(seen.power, plane.member, lost, _stays_in_view(plane, seen), hull, features_px,
-                           drift_px(plane.last, seen.size), seen.size[0], float(seen.elapsed_s[-1]),
-                           plane.at_rest, _motion_odds(plane, seen), _scattered_odds(plane, seen)))
+                           _away_px(plane, features_px), _turn_px(plane, features_px), drift_px(plane.last, seen.size),
+                           seen.size[0], seen.elapsed_s, plane.at_rest, _scattered_odds(plane, seen)))
     return found
 
 
@@ -219,28 +234,30 @@ def _scattered_odds(plane: Plane, seen: Observations) -> float:
     return _SCATTERED * (_share_near(own, others, seen.beside_px) - _share_near(others, own, seen.beside_px))
 
 
-def _motion_odds(plane: Plane, seen: Observations) -> float:
-    """Log odds that the plane moves as a scene does before a camera, and not as water before a camera at rest."""
-    moved_px = math.hypot(_turn_px(plane, seen), _sway_px(plane, seen))
+def _motion_odds(moved_px: float) -> float:
+    """Log odds that a plane moves as a scene does before a camera, and not as water before a camera at rest.
+
+    moved_px: other than steadily and by shear.
+    """
     odds = _MOTION * math.log(max(moved_px, 1e-3) / _SWAY_PX)
     return max(-_MOST_BY_MOTION, min(odds, _MOST_BY_MOTION))
 
 
-def _turn_px(plane: Plane, seen: Observations) -> float:
-    """How far its features have moved by rotation and scale, beyond what they have by shear and strain, px."""
-    features_px = seen.reference_px[plane.member]
+def _turn_px(plane: Plane, features_px: FloatArray) -> float:
+    """How far its features (n, 2) have moved by rotation and scale, beyond what they have by shear and strain, px."""
     centre = features_px.mean(axis=0)
     (a, b), (c, d) = point_jacobian(np.linalg.inv(plane.last), centre[None])[0] - np.eye(2)
     similar, strained = math.hypot(a + d, c - b) / 2, math.hypot(a - d, b + c) / 2
     return max(0.0, similar - strained) * float(np.sqrt(np.mean(np.sum((features_px - centre) ** 2, axis=1))))
 
 
-def _sway_px(plane: Plane, seen: Observations) -> float:
-    """RMS distance of its centre from a steady motion, px."""
+def _away_px(plane: Plane, features_px: FloatArray) -> FloatArray:
+    """(F, 2) how far the centre of its features (n, 2) has moved in the image, px; NaN where that is not known."""
     known = np.flatnonzero(~np.isnan(plane.ref_H_cur[:, 0, 0]))
-    centre = seen.reference_px[plane.member].mean(axis=0)[None]
-    away_px = np.array([apply(np.linalg.inv(plane.ref_H_cur[f]), centre)[0] for f in known]) - centre
-    return _unsteady_px(seen.elapsed_s[known], away_px)
+    centre = features_px.mean(axis=0)[None]
+    away_px = np.full((len(plane.ref_H_cur), 2), np.nan)
+    away_px[known] = [apply(np.linalg.inv(plane.ref_H_cur[f]), centre)[0] for f in known] - centre
+    return away_px
 
 
 def _share_near(points: FloatArray, others: FloatArray, within_px: float) -> float:
@@ -285,7 +302,7 @@ def _competing(chosen: Plane, other: Plane, cues: _Cues, of_other: _Cues, seen: 
                certain: float) -> CompetingHypothesis | None:
     """The other plane as a hypothesis; None where the odds are `certain`, or the two do not separate steadily."""
     odds, share = cues.odds_against(of_other), len(other) / (len(chosen) + len(other))
-    if odds >= certain or share < _LEAST_SHARE:
+    if odds >= certain:
         return None
     both = np.flatnonzero(~np.isnan(chosen.ref_H_cur[:, 0, 0]) & ~np.isnan(other.ref_H_cur[:, 0, 0]))
     centre = seen.reference_px[other.member].mean(axis=0)[None]  # where it is known best

@@ -35,6 +35,10 @@ MISLEADING = {  # seed and number of frames
     440106: 60,  # the codec scatters a bank while water that hardly flows keeps together
     430038: 60,  # dirt on the lens before a camera that sways, through which the scene is seen
     450052: 60,  # gusts blow the bank and the water beside it out of a small picture
+    480070: 60,  # banks of less texture than the glitter on the water, a cut within the start
+    480084: 60,  # crowns of less texture than the glitter on the water, and the drone's legs
+    480095: 60,  # a camera that sways by half a pixel over banks with few features
+    490014: 60,  # few features, and glitter that keeps for a second
 }
 
 

@@ -15,8 +15,8 @@ ELAPSED_S = np.arange(1, FRAMES + 1) / 25
 LATTICE_PX = np.stack(np.meshgrid(np.arange(10.0, 311, 10), np.arange(10.0, 231, 10)), -1).reshape(-1, 2)
 
 
-def observed() -> Observations:
-    return Observations(LATTICE_PX, np.ones(len(LATTICE_PX)), SIZE, ELAPSED_S)
+def observed(power: FloatArray | None = None) -> Observations:
+    return Observations(LATTICE_PX, np.ones(len(LATTICE_PX)) if power is None else power, SIZE, ELAPSED_S)
 
 
 def moved(member: BoolArray, away_px: FloatArray, at_rest: bool = False) -> Plane:
@@ -51,3 +51,26 @@ def test_a_hovering_camera_may_drift_any_way(of_camera_px: tuple[float, float]) 
     choice = choose_ground([moved(river, of_water_px), banks], observed())
     assert choice.ground is banks
     assert choice.others == ()
+
+
+def test_ground_of_less_texture_than_glitter_is_ground() -> None:
+    """Most features of the banks keep their weak texture; hardly any of the strong ones on the water do."""
+    x, y = (LATTICE_PX // 10).astype(int).T
+    water = x < 12
+    kept_glitter, kept_banks = water & (x % 4 == 1) & (y % 3 == 0), ~water & ((x + y) % 4 > 0)
+    power = np.where(water | (x == 12), 3.0, 1.0)  # the waterline is as strong, and does not keep
+    ground = moved(kept_banks & (x > 12), ELAPSED_S[:, None] * np.array([4.0, 1.0]))
+    glitter = moved(kept_glitter, ELAPSED_S[:, None] * np.array([4.5, 1.8]))
+    choice = choose_ground([glitter, ground], observed(power))
+    assert choice.ground is ground
+
+
+@pytest.mark.parametrize("banks_sway", [True, False])
+def test_sway_that_both_share_is_the_cameras(banks_sway: bool) -> None:
+    """Rigid water flows steadily past banks, and the camera sways; an overlay would not sway with it."""
+    sway_px = 0.6 * np.stack([np.sin(2 * np.pi * 1.3 * ELAPSED_S), np.cos(2 * np.pi * 2.1 * ELAPSED_S)], -1)
+    river = np.abs(LATTICE_PX[:, 1] - 120) < 60
+    water = moved(river, sway_px + ELAPSED_S[:, None] * np.array([20.0, -14.0]))
+    banks = moved(~river, sway_px if banks_sway else np.zeros_like(sway_px), at_rest=True)
+    choice = choose_ground([water, banks], observed())
+    assert (choice.ground is banks and choice.others == ()) == banks_sway
