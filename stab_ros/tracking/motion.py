@@ -80,11 +80,6 @@ class CameraMotion:
         unknown_px = off_px if self._foreseeable(time_ns) else np.hypot(off_px, moved_px)
         return max(_LEAST_PX, gap * float(np.sqrt(np.mean(unknown_px**2))))
 
-    def surprise(self, ref_H_cur: Homography, time_ns: int) -> float:
-        """How far a frame there is from its prediction, in units of what is usual; 0 where that is not known."""
-        usual_px = self.usual_px(time_ns)
-        return 0.0 if usual_px is None else rms_distance(ref_H_cur, self.predict(time_ns), self.size) / usual_px
-
     def _foreseeable(self, time_ns: int) -> bool:
         """Whether the velocity is known and tells about so late a frame."""
         elapsed, ahead = self.last_ns - self.previous_ns, time_ns - self.last_ns
