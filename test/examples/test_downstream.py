@@ -50,7 +50,7 @@ def beyond_interpolation(a: FloatArray, b: FloatArray) -> float:
     A place off by 1/64 px along x and y, in both images, changes the grey by no more than 1/16 of the range around it.
     """
     around = np.ones((3, 3), np.uint8)
-    reach = np.array([cv2.dilate(one, around) - cv2.erode(one, around) for one in (a, b)]).max(axis=0)
+    reach = np.max([cv2.dilate(one, around) - cv2.erode(one, around) for one in (a, b)], axis=0).reshape(a.shape)
     return float(np.max((np.abs(a - b) - reach / 16)[5:-5, 5:-5]))
 
 
