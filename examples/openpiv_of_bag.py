@@ -43,8 +43,8 @@ def images(bag: Path, topic: str) -> Iterator[tuple[float, Array]]:
 def grey(message: Any) -> Array:
     """(h, w) uint8, of mono8, bgr8 or rgb8."""
     weights = _LUMINANCE.get(message.encoding, (1.0,))
-    rows = message.data.reshape(message.height, message.step)[:, : message.width * len(weights)]
-    return np.round(rows.reshape(message.height, message.width, -1) @ weights).astype(np.uint8)
+    rows = np.reshape(message.data, (message.height, message.step))[:, : message.width * len(weights)]
+    return np.asarray(np.round(rows.reshape(message.height, message.width, -1) @ weights), np.uint8)
 
 
 def shift_px(before: Array, after: Array) -> tuple[Array, Array]:

@@ -27,7 +27,7 @@ Array = NDArray[Any]
 
 
 def nadir_camera(size: tuple[int, int], gsd_m: float) -> Any:
-    """pyorc's camera for a view straight down: width and height in px, metres a pixel."""
+    """The camera of pyorc for a view straight down: width and height in px, metres a pixel."""
     pyorc: Any = importlib.import_module("pyorc")
     width, height = size
     corners_px = [[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]]
@@ -52,8 +52,8 @@ def velocities(video: Path, gsd_m: float, every: int) -> Array:
     middle = piv.median(dim="time")
     x_m, y_m = np.meshgrid(middle["x"].values, middle["y"].values)
     rows = np.column_stack([(x_m / gsd_m).ravel(), (size[1] - 1 - y_m / gsd_m).ravel(),
-                            middle["v_x"].values.ravel(), -middle["v_y"].values.ravel()])
-    return rows[np.isfinite(rows).all(axis=1)]
+                            middle["v_x"].values.ravel(), middle["v_y"].values.ravel()])  # v_y points down the picture
+    return np.asarray(rows[np.isfinite(rows).all(axis=1)])
 
 
 def main() -> None:
