@@ -6,6 +6,7 @@ import importlib.util
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -70,13 +71,17 @@ def test_warped_by_oneself_as_image_stabilized(
         graph.until(lambda: images.get_subscription_count() == 2, "the tracker and the consumer")
         for number, shot in enumerate(flight[:4], start=1):
             images.publish(encoded(shot, encoding))
-            graph.until(lambda number=number: len(stabilized) == len(warped) == number, "the pictures")
+            graph.until(partial(_both, stabilized, warped, number), "the pictures")
     for ours, own in zip(stabilized, warped, strict=True):
         assert (ours.header, ours.encoding, ours.height, ours.width) == (
             own.header, own.encoding, own.height, own.width)
         assert beyond_interpolation(pixels(own), pixels(ours)) <= 1.0
     half_off = cv2.warpAffine(pixels(warped[-1]), np.array([[1, 0, 0.5], [0, 1, 0.5]]), (own.width, own.height))
     assert beyond_interpolation(half_off.reshape(own.height, own.width, -1), pixels(stabilized[-1])) > 5.0
+
+
+def _both(one: list[Any], other: list[Any], count: int) -> bool:
+    return len(one) == len(other) == count
 
 
 def encoded(shot: Shot, encoding: str) -> Any:
@@ -200,8 +205,8 @@ def test_openpiv_measures_the_water_of_a_stabilised_bag(command: Command, tmp_pa
     for shot in flown:
         cv2.imwrite(str(frames / f"{shot.index:03}.png"), shot.image)
     assert command("stabilize", frames, bag, "--fps", 25).returncode == 0
-    words = [sys.executable, EXAMPLES / "openpiv_of_bag.py", bag, table, "--gsd", str(flown.gsd_m), "--gap", "4"]
-    subprocess.run(words, check=True, timeout=300)
+    words = [EXAMPLES / "openpiv_of_bag.py", bag, table, "--gsd", flown.gsd_m, "--gap", 4]
+    subprocess.run([sys.executable, *map(str, words)], check=True, timeout=300)
     x_px, y_px, vx_m_s, vy_m_s = np.loadtxt(table, delimiter=",", skiprows=1).T
     inside = (x_px > 180) & (x_px < 300) & (y_px > 95) & (y_px < 175)  # water, also where the map is not sure
     assert inside.sum() > 50

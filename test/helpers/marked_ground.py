@@ -64,4 +64,4 @@ def spot_px(picture: FloatArray, near_px: FloatArray, radius_px: float) -> Float
     """The middle (2,) of the spot near a place: the centroid of what is brighter than the disc."""
     y, x = np.mgrid[: picture.shape[0], : picture.shape[1]]
     weight = np.clip(picture - _DARK - 2.0, 0, None) * (np.hypot(x - near_px[0], y - near_px[1]) < radius_px)
-    return np.array([np.sum(weight * x), np.sum(weight * y)]) / np.sum(weight)
+    return np.asarray(np.array([np.sum(weight * x), np.sum(weight * y)]) / np.sum(weight))
