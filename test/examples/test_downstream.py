@@ -204,7 +204,7 @@ def test_openpiv_measures_the_water_of_a_stabilised_bag(command: Command, tmp_pa
     frames.mkdir()
     for shot in flown:
         cv2.imwrite(str(frames / f"{shot.index:03}.png"), shot.image)
-    assert command("stabilize", frames, bag, "--fps", 25).returncode == 0
+    assert command("stabilize", frames, bag, "--fps", flown.preset.fps).returncode == 0
     words = [EXAMPLES / "openpiv_of_bag.py", bag, table, "--gsd", flown.gsd_m, "--gap", 4]
     subprocess.run([sys.executable, *map(str, words)], check=True, timeout=300)
     x_px, y_px, vx_m_s, vy_m_s = np.loadtxt(table, delimiter=",", skiprows=1).T
