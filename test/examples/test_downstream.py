@@ -195,19 +195,29 @@ def test_in_cpp_a_queue_of_ten_loses_the_start(consumer: Path, flight: list[Shot
     assert sorted(warped) == [shot.stamp_ns for shot in flight[-4:]]
 
 
-# OpenPIV -------------------------------------------------------------------------------------------------------------
-def test_openpiv_measures_the_water_of_a_stabilised_bag(command: Command, tmp_path: Path) -> None:
-    if importlib.util.find_spec("openpiv") is None:
-        pytest.skip("OpenPIV is not installed: it is under the GPL-3, and nobody's dependency")
-    speed_m_s, frames, bag, table = 1.0, tmp_path / "frames", tmp_path / "still.mcap", tmp_path / "V.csv"
+# other programs for velocities ---------------------------------------------------------------------------------------
+@pytest.mark.thorough
+@pytest.mark.parametrize(("module", "script", "off_m_s"), [
+    ("openpiv", ("openpiv_of_bag.py", "still.mcap", "--gap"), 0.05),  # under the GPL-3, and nobody's dependency
+    ("pyorc", ("pyorc_of_video.py", "still.mp4", "--every"), 0.15),  # under the AGPL-3
+])
+def test_measured_by_others_on_what_stabilize_wrote(
+    command: Command, tmp_path: Path, module: str, script: tuple[str, str, str], off_m_s: float
+) -> None:
+    if importlib.util.find_spec(module) is None:
+        pytest.skip(f"{module} is not installed, as it is no dependency: docs/downstream.md says how to run it")
+    speed_m_s, frames, table = 1.0, tmp_path / "frames", tmp_path / "V.csv"
     flown = Flight(trap("kolubara", speed_m_s), SIZE, 32)
     frames.mkdir()
     for shot in flown:
         cv2.imwrite(str(frames / f"{shot.index:03}.png"), shot.image)
-    assert command("stabilize", frames, bag, "--fps", flown.preset.fps).returncode == 0
-    words = [EXAMPLES / "openpiv_of_bag.py", bag, table, "--gsd", flown.gsd_m, "--gap", 4]
+    stabilized = command("stabilize", frames, tmp_path / "still.mcap", "--fps", flown.preset.fps, "--video",
+                         tmp_path / "still.mp4")
+    assert stabilized.returncode == 0
+    example, source, step = script
+    words = [EXAMPLES / example, tmp_path / source, table, "--gsd", flown.gsd_m, step, 4]
     subprocess.run([sys.executable, *map(str, words)], check=True, timeout=300)
     x_px, y_px, vx_m_s, vy_m_s = np.loadtxt(table, delimiter=",", skiprows=1).T
     inside = (x_px > 180) & (x_px < 300) & (y_px > 95) & (y_px < 175)  # water, also where the map is not sure
-    assert inside.sum() > 50
-    np.testing.assert_allclose([np.median(vx_m_s[inside]), np.median(vy_m_s[inside])], [speed_m_s, 0], atol=0.05)
+    assert inside.sum() >= 20
+    np.testing.assert_allclose([np.median(vx_m_s[inside]), np.median(vy_m_s[inside])], [speed_m_s, 0], atol=off_m_s)
