@@ -21,7 +21,7 @@ PAGES = ROOT / "build/pages"
 SITE = ROOT / "site"
 DIAGRAMS = ROOT / "docs/diagrams"
 _COLLECTED = ("*.md", "LICENSE", "package.xml", "docs/**/*.md", "docs/**/*.png", "docs/images/*.svg", "docs/*.py",
-              "bench/*.md", "bench/results/*.md", "examples/*", "config/sros2/policy.xml")
+              "bench/*.md", "bench/results/*.md", "examples/*", "examples/cpp/*", "config/sros2/policy.xml")
 _INLINE = re.compile(r'<span class="arithmatex">\\\((.+?)\\\)</span>', re.DOTALL)
 _BLOCK = re.compile(r'<div class="arithmatex">\\\[(.+?)\\\]</div>', re.DOTALL)
 _DIAGRAM = re.compile(r'<pre class="mermaid"><code>(.+?)</code></pre>', re.DOTALL)

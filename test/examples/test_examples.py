@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import signal
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,6 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from example_process import EXAMPLES, running
 from flights import SIZE, trap
 from geometry_msgs.msg import Vector3Stamped
 from live_graph import Graph, image_message, stamp_ns
@@ -23,22 +21,8 @@ from std_msgs.msg import Float64, UInt64
 from stab_ros import read_homographies, rms_distance
 from stab_ros.synthetic.flight import Flight, Shot
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
 FRAMES, SPEED_M_S = 32, 1.0
 WINDOW = "[180, 95, 120, 80]"  # water
-
-
-@contextmanager
-def running(graph: Graph, name: str, *arguments: str) -> Iterator[None]:
-    """The example as a process on the graph; it must end well."""
-    words = [sys.executable, str(EXAMPLES / name), "--ros-args", *arguments]
-    with subprocess.Popen(words, env=graph.environment, stderr=subprocess.PIPE, text=True) as process:
-        try:
-            yield
-        finally:
-            process.send_signal(signal.SIGINT)
-            _, errors = process.communicate(timeout=60)
-    assert "Traceback" not in errors, errors
 
 
 def _told(answers: list[Any], of_ns: int) -> bool:
