@@ -37,7 +37,7 @@ demo: $(INSTALLED)
 
 test: export ROS_PYTHON_CHECK_FIELDS := 1
 test: lint
-	$(PY) -m pytest -n 2 $(BY_FILE) --ignore test/faults -m "not thorough"
+	$(PY) -m pytest -n 3 $(BY_FILE) --ignore test/faults -m "not thorough" # nodes wait while others compute
 
 thorough: $(INSTALLED)
 	$(PY) -m pytest -n 2 --dist load --ignore test/faults -m thorough

@@ -69,7 +69,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if item.path.stem in _SLOW or method not in _QUICK_METHODS:
             item.add_marker(pytest.mark.slow)
     waiting = {item.path for item in items if item.get_closest_marker("dds")}
-    items.sort(key=lambda item: item.path not in waiting)  # nodes wait for each other: others fill the time to the end
+    paths = dict.fromkeys(item.path for item in items)
+    turn = {path: n for nodes in (True, False) for n, path in enumerate(p for p in paths if (p in waiting) == nodes)}
+    items.sort(key=lambda item: turn[item.path])  # file by file in turn: nodes wait for each other, the others compute
 
 
 @pytest.fixture(scope="session")

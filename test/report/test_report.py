@@ -16,6 +16,7 @@ from report_page import Page, decoded, looked_up
 from truth import IDENTITY, flat, frame, picture, translation, unmoved
 
 from stab_ros import __version__
+from stab_ros.cli import main
 from stab_ros.core.types import Gray
 from stab_ros.evaluation.frame_metrics import COUNTS
 from stab_ros.io.bag import BagWriter, topic_of
@@ -31,15 +32,13 @@ SECTIONS = ("boxes", "series", "field", "motion", "worst", "calibration")
 
 
 @pytest.fixture(scope="module")
-def report(flight: list[Shot], executable: Command, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def report(flight: list[Shot], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Of a small flight, raw and stabilised."""
     folder = tmp_path_factory.mktemp("report")
     raw = write_mcap(folder / "raw.mcap", list(entries(flight)))
-    done = executable("stabilize", raw, folder / "both.mcap", "--keep-raw")
-    assert done.returncode == 0, done.stderr
-    done = executable("evaluate", folder / "both.mcap", "--report", folder / "report", "-p", "gsd_m:=0.02",
-                      "-p", "rmse_every:=2")
-    assert done.returncode == 0, done.stderr
+    both, pages = str(folder / "both.mcap"), str(folder / "report")
+    assert main(["stabilize", str(raw), both, "--keep-raw"]) == 0
+    assert main(["evaluate", both, "--report", pages, "-p", "gsd_m:=0.02", "-p", "rmse_every:=2"]) == 0
     return folder / "report"
 
 
