@@ -152,7 +152,8 @@ def page_of(command: Command, path: Path, *options: object) -> Page:
 
 @pytest.mark.parametrize("images", [
     [flat(size=SIZE), flat(level=91, size=SIZE)], [picture(IDENTITY, SIZE)],
-    [picture(IDENTITY, SIZE), picture(translation(1, 0), SIZE)]], ids=["flat", "reference alone", "two frames"])
+    pytest.param([picture(IDENTITY, SIZE), picture(translation(1, 0), SIZE)], marks=pytest.mark.thorough),
+], ids=["flat", "reference alone", "two frames"])
 def test_where_there_is_little_it_says_so(images: list[Gray], command: Command, tmp_path: Path) -> None:
     page = page_of(command, written(tmp_path / "little.mcap", images))
     assert set(SECTIONS) <= set(page.ids)
@@ -161,15 +162,12 @@ def test_where_there_is_little_it_says_so(images: list[Gray], command: Command, 
         assert text == shown(looked_up(json.loads(page.scripts["evaluation"]), pointer), *pointer.split("/"))
 
 
-def test_names_are_no_markup(command: Command, tmp_path: Path) -> None:
-    page = page_of(command, written(tmp_path / "a<b>&'c.mcap", [picture(IDENTITY, SIZE), picture(IDENTITY, SIZE)]))
+def test_names_are_no_markup_and_a_brightness_change_is_told(command: Command, tmp_path: Path) -> None:
+    images = [picture(IDENTITY, SIZE), picture(IDENTITY, SIZE, gain=1.05)]
+    page = page_of(command, written(tmp_path / "a<b>&'c.mcap", images))
     assert "a<b>&'c.mcap" in page.text
     assert "<b>" not in page.source
-
-
-def test_a_brightness_change_is_told(command: Command, tmp_path: Path) -> None:
-    images = [picture(IDENTITY, SIZE), picture(IDENTITY, SIZE, gain=1.05)]
-    assert "brightness changed by +5" in page_of(command, written(tmp_path / "light.mcap", images)).text
+    assert "brightness changed by +5" in page.text
 
 
 def test_edges_of_the_reference_are_red_those_of_the_frame_cyan() -> None:
@@ -259,6 +257,7 @@ def test_the_overlay_of_a_displaced_frame_is_red_and_cyan(command: Command, tmp_
             assert max(shares) < 0.001
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("error::UserWarning")
 def test_many_points_leave_room_for_the_figures(command: Command, tmp_path: Path) -> None:
     places = [(40 + 44 * column, 40 + 68 * row) for row in range(5) for column in range(10)]
@@ -277,6 +276,7 @@ def verdicts(page: Page) -> list[str]:
     return re.findall(r'<section class="verdict (good|bad|unsure)">', page.source)
 
 
+@pytest.mark.thorough
 def test_a_stream_that_moves_is_told_in_words_and_colour(command: Command, tmp_path: Path) -> None:
     images = [picture(translation(shift, 0), SIZE) for shift in (0, 3, 3.5, 3)]
     page = page_of(command, written(tmp_path / "moves.mcap", images))
@@ -301,6 +301,7 @@ def test_where_nothing_was_gained_it_says_so_in_red(command: Command, tmp_path: 
     assert text.index("/cam/image_stabilized") < text.index("/cam/image_raw"), "the stabilised one first"
 
 
+@pytest.mark.thorough
 def test_raw_pictures_that_stand_still_leave_nothing_to_gain(command: Command, tmp_path: Path) -> None:
     path = tmp_path / "rest.mcap"
     with BagWriter(path) as writer:
