@@ -222,6 +222,7 @@ def test_one_stream_stands_alone(recordings: dict[str, Path], command: Command, 
     assert len(json.loads(page.scripts["scrub-frames"])["streams"]) == 1
 
 
+@pytest.mark.thorough
 def test_streams_without_a_common_stamp_are_leafed_through_by_number(command: Command, tmp_path: Path) -> None:
     path = tmp_path / "late.mcap"
     levels = [picture(IDENTITY, SIZE, offset=10.0 * index) for index in range(3)]
