@@ -9,6 +9,7 @@ BY_FILE := --dist loadfile --no-loadscope-reorder # in the order of test/conftes
 
 # The wheels in .venv are a ROS 2 of their own: one sourced in this shell (or another .venv) must not shine through.
 unexport PYTHONHOME PYTHONPATH LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
+unexport PYTHONDONTWRITEBYTECODE # each of the many processes would compile the package again, 0.2 s
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
@@ -37,7 +38,7 @@ demo: $(INSTALLED)
 
 test: export ROS_PYTHON_CHECK_FIELDS := 1
 test: lint
-	$(PY) -m pytest -n 2 $(BY_FILE) --ignore test/faults -m "not thorough"
+	$(PY) -m pytest -n 3 $(BY_FILE) --ignore test/faults -m "not thorough"
 
 thorough: $(INSTALLED)
 	$(PY) -m pytest -n 2 --dist load --ignore test/faults -m thorough

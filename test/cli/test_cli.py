@@ -190,7 +190,7 @@ def run_on_a_full_disk(*words: object, cwd: Path, room: int) -> subprocess.Compl
 
 @pytest.mark.parametrize("name", ["stabilize", "convert"])
 def test_a_full_disk_ends_with_1_and_leaves_the_readable_part(
-    name: str, flight: list[Shot], executable: Command, tmp_path: Path
+    name: str, flight: list[Shot], command: Command, tmp_path: Path
 ) -> None:
     long_bag(tmp_path, flight, times=4)
     done = run_on_a_full_disk(name, "long.mcap", "out.mcap", cwd=tmp_path, room=3_000_000)
@@ -200,8 +200,8 @@ def test_a_full_disk_ends_with_1_and_leaves_the_readable_part(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["long.mcap", "out.mcap.partial"]
     with (tmp_path / "out.mcap.partial").open("rb") as file:
         assert sum(isinstance(record, Message) for record in StreamReader(file).records) > 10
-    assert executable("info", tmp_path / "out.mcap.partial").returncode == 0
-    assert executable("recover", tmp_path / "out.mcap.partial", tmp_path / "fixed.mcap").returncode == 0
+    assert command("info", tmp_path / "out.mcap.partial").returncode == 0
+    assert command("recover", tmp_path / "out.mcap.partial", tmp_path / "fixed.mcap").returncode == 0
 
 
 @pytest.mark.thorough

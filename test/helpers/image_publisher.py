@@ -17,12 +17,13 @@ from stab_ros.parameters.engines import make_stabilizer
 from stab_ros.synthetic.flight import Flight, Shot
 
 FRAMES = 32
+SPEED_M_S = 1.0  # of the water
 
 
 @cache
 def flight() -> Flight:
     """Rigid water over 70 % of the picture: judged on too little, it is what everything is compared with."""
-    return Flight(trap("kolubara", 1.0), SIZE, FRAMES)
+    return Flight(trap("kolubara", SPEED_M_S), SIZE, FRAMES)
 
 
 @cache

@@ -38,5 +38,8 @@ ONE_CASE = {  # parametrised tests of which the first case stands for the others
     "test_bad_arguments_are_one_line", "test_bad_parameters_are_one_line_and_exit_code_2", "test_signal_during_start",
     "test_there_is_one_clock_though_the_bag_holds_another", "test_water_level_holds_from_its_stamp_on",
     "test_output_that_goes_nowhere_leaves_no_traceback", "test_the_judge_is_that_of_evaluate",
-    "test_the_twin_is_the_camera_of_the_picture",
+    "test_the_twin_is_the_camera_of_the_picture", "test_compressed_images_are_placed_as_raw_ones",
+    "test_bad_parameters_end_the_node", "test_what_is_no_quality_of_service_is_one_line",
+    "test_the_tracker_beside_a_node_of_somebody_else_answers_as_the_engine", "test_every_size_has_points",
+    "test_pairs_that_are_logged_out_of_order_are_all_measured", "test_density_stays_even",
 }

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from stab_ros.core.geometry import rms_distance
+from stab_ros.core.kernels import lazy_kernel
 from stab_ros.core.types import FloatArray, Frame, Gray, Homography, LostReason, State, Track
 
 SIZE = (400, 300)
@@ -48,15 +49,26 @@ def _picture(place: bytes, size: tuple[int, int], seed: int, noise: float, gain:
 
 def sampled(ref_H_cur: Homography, x: FloatArray, y: FloatArray, size: tuple[int, int], seed: int) -> FloatArray:
     """The texture where pixels (x, y) look, bilinear in double precision (cv2 rounds its maps to 1/32)."""
-    surface = texture(size, seed)
-    u, v, w = (h[0] * x + h[1] * y + h[2] for h in ref_H_cur)
-    column = np.clip((u / w + MARGIN_PX) * _FINER, 0, surface.shape[1] - 1.001)
-    row = np.clip((v / w + MARGIN_PX) * _FINER, 0, surface.shape[0] - 1.001)
-    j, i = column.astype(int), row.astype(int)
-    fx, fy = column - j, row - i
-    top = surface[i, j] * (1 - fx) + surface[i, j + 1] * fx
-    bottom = surface[i + 1, j] * (1 - fx) + surface[i + 1, j + 1] * fx
-    return np.asarray(top * (1 - fy) + bottom * fy)
+    pixels = np.column_stack([np.ravel(x), np.ravel(y)])
+    return np.asarray(_sampled(texture(size, seed), np.ascontiguousarray(ref_H_cur), pixels)).reshape(np.shape(x))
+
+
+@lazy_kernel()
+def _sampled(surface: FloatArray, H: Homography, pixels: FloatArray) -> FloatArray:
+    rows, columns = surface.shape
+    found = np.empty(len(pixels))
+    for k in range(len(pixels)):
+        x, y = pixels[k]
+        w = H[2, 0] * x + H[2, 1] * y + H[2, 2]
+        column = ((H[0, 0] * x + H[0, 1] * y + H[0, 2]) / w + MARGIN_PX) * _FINER
+        row = ((H[1, 0] * x + H[1, 1] * y + H[1, 2]) / w + MARGIN_PX) * _FINER
+        column, row = min(max(column, 0.0), columns - 1.001), min(max(row, 0.0), rows - 1.001)
+        j, i = int(column), int(row)
+        fx, fy = column - j, row - i
+        top = surface[i, j] * (1 - fx) + surface[i, j + 1] * fx
+        bottom = surface[i + 1, j] * (1 - fx) + surface[i + 1, j + 1] * fx
+        found[k] = top * (1 - fy) + bottom * fy
+    return found
 
 
 def frame(image: Gray, index: int = 0, encoding: str = "mono8") -> Frame:

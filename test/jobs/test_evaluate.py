@@ -16,6 +16,7 @@ from conftest import Command
 from recordings import IMAGE_TOPIC, Entry, compressed, entries, image, write_mcap
 from truth import IDENTITY, frame, picture, translation, unmoved
 
+from stab_ros.cli import main
 from stab_ros.core.geometry import rms_distance
 from stab_ros.core.types import Frame, Gray, Homography
 from stab_ros.evaluation.evaluator import Arrival, Evaluator
@@ -34,12 +35,11 @@ SIZE = (480, 360)
 
 
 @pytest.fixture(scope="module")
-def stabilized(flight: list[Shot], executable: Command, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def stabilized(flight: list[Shot], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The small flight, raw and stabilised in one bag."""
     folder = tmp_path_factory.mktemp("stabilised")
     raw = write_mcap(folder / "raw.mcap", list(entries(flight)))
-    done = executable("stabilize", raw, folder / "both.mcap", "--keep-raw")
-    assert done.returncode == 0, done.stderr
+    assert main(["stabilize", str(raw), str(folder / "both.mcap"), "--keep-raw"]) == 0
     return folder / "both.mcap"
 
 

@@ -31,9 +31,9 @@ from stab_ros.synthetic.flight import Shot
 
 @pytest.mark.parametrize("kind", list(RECORDERS))
 def test_every_kind_of_input_comes_out_as_true_homographies_in_a_bag(
-    kind: str, flight: list[Shot], recordings: dict[str, Path], executable: Command, tmp_path: Path
+    kind: str, flight: list[Shot], recordings: dict[str, Path], command: Command, tmp_path: Path
 ) -> None:
-    out, err = run(executable, recordings[kind], tmp_path / "out.mcap", "--homographies", tmp_path / "H.csv")
+    out, err = run(command, recordings[kind], tmp_path / "out.mcap", "--homographies", tmp_path / "H.csv")
     assert "10 frames: 10 tracked, 0 lost" in out
     assert err == ""  # no progress bar, no warning
 

@@ -84,8 +84,8 @@ def test_page_tells_of_the_bank(measured: Path) -> None:
     assert page.count("<img") >= 4
 
 
-def test_pixels_without_georeference(recordings: dict[str, Path], executable: Command, tmp_path: Path) -> None:
-    done = executable("velocity", recordings["mcap"], tmp_path / "V.mcap", "--csv", tmp_path / "V.csv", *SHORT)
+def test_pixels_without_georeference(recordings: dict[str, Path], command: Command, tmp_path: Path) -> None:
+    done = command("velocity", recordings["mcap"], tmp_path / "V.mcap", "--csv", tmp_path / "V.csv", *SHORT)
     assert done.returncode == 0, done.stderr
     vectors = read_velocities(tmp_path / "V.csv")
     assert (vectors.unit, "px/s" in done.stdout) == ("px", True)
@@ -98,9 +98,9 @@ def test_pixels_without_georeference(recordings: dict[str, Path], executable: Co
     (("-p", "orientation:=dynamic_gcps"), "ground control points"),
 ])
 def test_bad_arguments_are_one_line(
-    recordings: dict[str, Path], executable: Command, tmp_path: Path, words: tuple[str, ...], what: str
+    recordings: dict[str, Path], command: Command, tmp_path: Path, words: tuple[str, ...], what: str
 ) -> None:
-    done = executable("velocity", recordings["mcap"], tmp_path / "V.mcap", *words)
+    done = command("velocity", recordings["mcap"], tmp_path / "V.mcap", *words)
     assert done.returncode == 2
     assert what in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1

@@ -120,6 +120,7 @@ def test_a_missing_and_a_stale_level_are_said(graph: Graph, tmp_path: Path) -> N
     assert "measured on a water surface at 10 m" in stream.discharges(3)[-1]["warnings"]
 
 
+@pytest.mark.thorough
 def test_a_level_that_is_measured_but_silent_is_said(graph: Graph, tmp_path: Path) -> None:
     """The level of the parameters stands for it, and without a gauge that is as asked."""
     stream = Stream(graph, section_file=section_file(tmp_path), wse_m=WSE_M)
@@ -130,6 +131,7 @@ def test_a_level_that_is_measured_but_silent_is_said(graph: Graph, tmp_path: Pat
     assert stream.report("/cam/water_level is published but has told no level yet, wse_m stands for it: 10 m")
 
 
+@pytest.mark.thorough
 def test_a_level_without_a_stamp_holds_when_stamps_begin_anew(graph: Graph, tmp_path: Path) -> None:
     """As where a recording is played in a loop beside a gauge."""
     stream = Stream(graph, section_file=section_file(tmp_path))
@@ -141,6 +143,7 @@ def test_a_level_without_a_stamp_holds_when_stamps_begin_anew(graph: Graph, tmp_
     stream.report("stamps of velocities went back by 31.0 s; a discharge needs 10 s of them (every_s)")
 
 
+@pytest.mark.thorough
 def test_a_section_beside_the_water_and_half_a_section_are_said(graph: Graph, tmp_path: Path) -> None:
     stream = Stream(graph, section_file=section_file(tmp_path), wse_m=WSE_M, every_s=5.0, window_s=5.0)
     stream.flow(range(7), until_m=8.0)

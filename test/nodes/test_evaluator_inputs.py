@@ -89,6 +89,7 @@ def test_a_new_reference_restarts_the_comparison(graph: Graph, ground: Gray) -> 
     assert float(values[4]["displacement_reference_px"]) < 0.1
 
 
+@pytest.mark.thorough
 def test_a_change_of_brightness_is_reported_and_no_motion(graph: Graph, ground: Gray) -> None:
     _, metrics, diagnostics = listening(graph)
     stream = StabilizedStream(graph, ground)
@@ -145,6 +146,7 @@ def test_metres_and_thresholds_change_in_flight(graph: Graph, ground: Gray) -> N
     assert not said(diagnostics, "frame 3")
 
 
+@pytest.mark.thorough
 def test_undistorted_images_are_measured_against_an_undistorted_reference(graph: Graph) -> None:
     """The lens bends the corners by several pixels; the raw first image would be far off."""
     _, metrics, _ = listening(graph)

@@ -88,7 +88,7 @@ def test_compressed_images_are_placed_as_raw_ones(graph: Graph, info: CameraInfo
 
 
 def test_sensors_are_fused_with_the_tracker_live_as_by_the_command(
-    graph: Graph, flight: list[Shot], executable: Command, tmp_path: Path
+    graph: Graph, flight: list[Shot], command: Command, tmp_path: Path
 ) -> None:
     """One recording of images, fixes and attitudes through tracker and georeferencing, at a hundred times its speed."""
     size = flight[0].image.shape[1::-1]
@@ -111,7 +111,7 @@ def test_sensors_are_fused_with_the_tracker_live_as_by_the_command(
 
     given = [word for name, value in {**FUSED, "use_camera_info": "true"}.items()
              for word in ("-p", f"{name}:={value}")]
-    done = executable("georeference", flown, tmp_path / "offline.mcap", *given)
+    done = command("georeference", flown, tmp_path / "offline.mcap", *given)
     assert done.returncode == 0, done.stderr
     with open_bag(tmp_path / "offline.mcap") as bag:
         offline = {topic: [deserialize_message(message.data, kind) for message in bag.messages([f"/cam/{topic}"])]

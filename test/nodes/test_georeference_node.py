@@ -83,7 +83,7 @@ def test_frames_wait_for_their_homographies(graph: Graph) -> None:
 
 
 def test_live_gives_what_the_command_gives(
-    graph: Graph, flight: list[Shot], executable: Command, tmp_path: Path
+    graph: Graph, flight: list[Shot], command: Command, tmp_path: Path
 ) -> None:
     """A tracker with its start, whose first answers come late, and a lens; all numbers of every message."""
     settings: dict[str, Any] = {"orientation": "dynamic_stabilization", "height_m": 40.0}
@@ -104,7 +104,7 @@ def test_live_gives_what_the_command_gives(
 
     given = [word for name, value in {**settings, "use_camera_info": True}.items()
              for word in ("-p", f"{name}:={str(value).lower()}")]
-    done = executable("georeference", flown, tmp_path / "offline.mcap", *given)
+    done = command("georeference", flown, tmp_path / "offline.mcap", *given)
     assert done.returncode == 0, done.stderr
     with open_bag(tmp_path / "offline.mcap") as bag:
         offline = {topic: [deserialize_message(message.data, kind) for message in bag.messages([f"/cam/{topic}"])]
@@ -179,6 +179,7 @@ def test_new_reference_is_told(graph: Graph) -> None:
     assert not any(stream.infos[1].k)
 
 
+@pytest.mark.thorough
 def test_tracker_that_leaves_the_lens_is_told_of(graph: Graph) -> None:
     """And tells no tracks, as a program that is not ours."""
     stream = GeoreferencedStream(graph, MOVING, image=False)
@@ -209,6 +210,7 @@ def test_water_level_holds_from_its_stamp_on(graph: Graph, kind: Any) -> None:
     assert [float(one["wse_m"]) for one in stream.until_answered(3)] == wanted
 
 
+@pytest.mark.thorough
 def test_water_level_of_another_type_is_said(graph: Graph) -> None:
     stream = GeoreferencedStream(graph, NADIR, image=False)
     graph.node.create_publisher(String, "/cam/water_level", 1)

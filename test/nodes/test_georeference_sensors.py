@@ -179,6 +179,7 @@ def test_control_points_are_shown_and_latched(graph: Graph, tmp_path: Path) -> N
     assert "none.csv" in reason
 
 
+@pytest.mark.thorough
 def test_points_that_do_not_fit_the_camera_are_said_and_the_node_goes_on(graph: Graph, tmp_path: Path) -> None:
     names, places, pixels = control_points()
     path = tmp_path / "gcps.csv"
@@ -205,7 +206,7 @@ def control_points() -> tuple[list[str], FloatArray, FloatArray]:
 
 
 def test_one_bag_gives_the_same_live_and_from_the_command(
-    graph: Graph, flight: list[Shot], executable: Command, tmp_path: Path
+    graph: Graph, flight: list[Shot], command: Command, tmp_path: Path
 ) -> None:
     """Images, calibration, fixes, attitudes and levels of one recording, at a hundred times its speed."""
     info = camera_info(CAMERA.K, CAMERA.D.tolist(), (480, 270), flight[0].stamp_ns)
@@ -225,7 +226,7 @@ def test_one_bag_gives_the_same_live_and_from_the_command(
     graph.until(lambda: len(infos) == len(poses) == len(flight), "every frame placed")
 
     given = [word for name, value in GPS.items() for word in ("-p", f"{name}:={str(value).lower()}")]
-    done = executable("georeference", flown, tmp_path / "offline.mcap", *given)
+    done = command("georeference", flown, tmp_path / "offline.mcap", *given)
     assert done.returncode == 0, done.stderr
     with open_bag(tmp_path / "offline.mcap") as bag:
         same = [read_homography(one.data) for one in bag.messages(["/cam/ortho_info"])]

@@ -105,6 +105,7 @@ def test_bad_parameters_are_one_line_and_exit_code_2(graph: Graph, name: str, ar
     assert said in line
 
 
+@pytest.mark.thorough
 def test_unknown_parameter_is_named(graph: Graph) -> None:
     tracker = graph.start("tracker_node", metod="klt")
     graph.until(lambda: "ready" in tracker.log, "the tracker ready")

@@ -139,6 +139,7 @@ def test_there_is_one_clock_though_the_bag_holds_another(clock: bool, graph: Gra
     assert ("/clock of the recording is left out" in player.log) == clock
 
 
+@pytest.mark.thorough
 def test_player_leaves_out_what_it_has_no_type_for(graph: Graph, tmp_path: Path) -> None:
     bag = tmp_path / "bag.mcap"
     with BagWriter(bag) as writer:
@@ -239,6 +240,7 @@ def test_a_type_that_no_library_knows_is_recorded(graph: Graph, tmp_path: Path) 
     assert channel.metadata["topic_type_hash"] == str(offered.topic_type_hash)
 
 
+@pytest.mark.thorough
 def test_a_type_without_a_definition_on_disk_is_recorded(graph: Graph, tmp_path: Path) -> None:
     modules = tmp_path / "modules"
     for place in python_folders("nav_msgs"):  # without PREFIX/share beside it

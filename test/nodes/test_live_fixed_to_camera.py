@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import pytest
 from live_graph import Graph, image_message
 from sensor_msgs.msg import CameraInfo, Image
 from truth import letterboxed
 
 
+@pytest.mark.thorough
 def test_bars_with_text_are_told_once(graph: Graph) -> None:
     answers = graph.listen(CameraInfo, "/homography", 500)
     tracker = graph.start("tracker_node", queue_depth=0, start_s=0.5, wait_for_subscribers=1)

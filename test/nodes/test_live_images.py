@@ -45,6 +45,7 @@ def test_newest_frame_wins_and_drops_are_counted(graph: Graph, flight: list[Shot
     assert float(values["latency_ms"]) > 0
 
 
+@pytest.mark.thorough
 def test_a_tracker_that_is_too_slow_stays_current(graph: Graph) -> None:
     """4K on one thread, by a method that takes several frames' time for one."""
     tracker = graph.start("tracker_node", method="klt", start_s=0.0, stale_s=60.0, threads=1,

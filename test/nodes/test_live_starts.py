@@ -35,6 +35,7 @@ except (KeyboardInterrupt, ExternalShutdownException):
 """
 
 
+@pytest.mark.thorough
 def test_a_pause_after_the_first_frame(graph: Graph) -> None:
     camera = ImagePublisher(graph, stale_s=0.1)
     camera.show(1)
@@ -45,6 +46,7 @@ def test_a_pause_after_the_first_frame(graph: Graph) -> None:
     camera.check_engine()
 
 
+@pytest.mark.thorough
 def test_a_stream_that_is_slower_than_its_silence(graph: Graph) -> None:
     camera = ImagePublisher(graph, stale_s=0.1)
     camera.show(8, every_s=0.4)
@@ -52,6 +54,7 @@ def test_a_stream_that_is_slower_than_its_silence(graph: Graph) -> None:
     camera.check_engine()
 
 
+@pytest.mark.thorough
 def test_a_tracker_that_is_stopped_in_its_start(graph: Graph) -> None:
     camera = ImagePublisher(graph, stale_s=0.2)
     camera.show(6)
@@ -76,6 +79,7 @@ def test_a_tracker_that_compiles_is_there_and_can_be_stopped(graph: Graph, tmp_p
     assert "Traceback" not in tracker.log
 
 
+@pytest.mark.thorough
 def test_a_tracker_without_a_home(graph: Graph) -> None:
     """As a service has none: rcl alone would refuse to start."""
     graph.environment.pop("ROS_LOG_DIR")

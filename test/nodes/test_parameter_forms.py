@@ -88,17 +88,17 @@ def test_a_launch_file_leaves_the_regions_of_its_config(tmp_path: Path) -> None:
 
 
 def test_the_words_and_the_file_of_readme_for_a_command(
-    recordings: dict[str, Path], executable: Command, tmp_path: Path
+    recordings: dict[str, Path], command: Command, tmp_path: Path
 ) -> None:
-    command, _, _, *words = words_of("stab-ros")
+    name, _, _, *words = words_of("stab-ros")
     config = tmp_path / "my.yaml"
     config.write_text(yaml_of_readme())
     tables = []
     forms: list[list[str]] = [words, ["--config", str(config)], ["-p", f"exclude:={shorter_forms()[1]}"], []]
     for number, given in enumerate(forms):
         table = tmp_path / f"{number}.csv"
-        done = executable(command, recordings["mcap"], tmp_path / "out.mcap", "--force", "--no-image", "--limit", 3,
-                          "--homographies", table, *given)
+        done = command(name, recordings["mcap"], tmp_path / "out.mcap", "--force", "--no-image", "--limit", 3,
+                       "--homographies", table, *given)
         assert done.returncode == 0, done.stderr
         tables.append(table.read_text())
     assert tables[0] == tables[1] == tables[2] != tables[3]

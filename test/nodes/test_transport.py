@@ -48,6 +48,7 @@ def test_a_node_has_shared_memory_for_images_and_fast_dds_takes_all_of_the_profi
     assert "PROFILES_FILE" not in tracker.log
 
 
+@pytest.mark.thorough
 def test_the_profile_of_the_user_is_kept(graph: Graph, tmp_path: Path, fast_dds: FastDds) -> None:
     own = tmp_path / "own.xml"
     own.write_text(USER)

@@ -52,9 +52,9 @@ def in_the_water(vectors: Vectors) -> BoolArray:
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("method", METHODS)
-def test_all_outputs_tell_of_the_river(river: Path, executable: Command, tmp_path: Path, method: str) -> None:
+def test_all_outputs_tell_of_the_river(river: Path, command: Command, tmp_path: Path, method: str) -> None:
     paths = {name: tmp_path / f"V.{name}" for name in ("csv", "geojson", "nc", "html")}
-    done = executable("velocity", river, tmp_path / "V.mcap", "--csv", paths["csv"], "--tracks", paths["geojson"],
+    done = command("velocity", river, tmp_path / "V.mcap", "--csv", paths["csv"], "--tracks", paths["geojson"],
                       "--netcdf", paths["nc"], "--html", paths["html"], *words(method))
     assert done.returncode == 0, done.stderr
     vectors = read_velocities(paths["csv"])
@@ -75,9 +75,9 @@ def test_all_outputs_tell_of_the_river(river: Path, executable: Command, tmp_pat
 
 @pytest.mark.parametrize("method", METHODS)
 def test_live_gives_what_the_command_gives(
-    graph: Graph, river: Path, executable: Command, tmp_path: Path, method: str
+    graph: Graph, river: Path, command: Command, tmp_path: Path, method: str
 ) -> None:
-    done = executable("velocity", river, tmp_path / "offline.mcap", *words(method))
+    done = command("velocity", river, tmp_path / "offline.mcap", *words(method))
     assert done.returncode == 0, done.stderr
     clouds = {topic: graph.listen(PointCloud2, f"/cam/{topic}") for topic in ("velocity", "velocity_grid")}
     markers: list[Any] = graph.listen(MarkerArray, f"{NODE}/markers")
@@ -99,8 +99,8 @@ def test_live_gives_what_the_command_gives(
 
 @pytest.mark.thorough
 def test_an_interval_that_is_too_long_is_told_by_its_parameter(
-    river: Path, executable: Command, tmp_path: Path
+    river: Path, command: Command, tmp_path: Path
 ) -> None:
-    done = executable("velocity", river, tmp_path / "V.mcap", *words("stiv"), "-p", "stiv.interval_s:=60.0")
+    done = command("velocity", river, tmp_path / "V.mcap", *words("stiv"), "-p", "stiv.interval_s:=60.0")
     assert done.returncode == 0, done.stderr
     assert "stiv.interval_s is longer" in done.stderr

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from conftest import Command
 from diagnostic_msgs.msg import DiagnosticArray
 from georeferenced_stream import LATCHED
@@ -44,7 +45,7 @@ def check_same(live: list[bytes], offline: list[bytes]) -> None:
 
 
 def test_live_gives_what_the_command_gives(
-    graph: Graph, flight: list[Shot], executable: Command, tmp_path: Path
+    graph: Graph, flight: list[Shot], command: Command, tmp_path: Path
 ) -> None:
     flown = write_mcap(tmp_path / "flown.mcap", list(entries(flight)))
     clouds = {topic: graph.listen(PointCloud2, f"/cam/{topic}") for topic in ("velocity", "velocity_grid")}
@@ -57,7 +58,7 @@ def test_live_gives_what_the_command_gives(
     assert player.wait() == 0
 
     given = [word for name, value in SETTINGS.items() for word in ("-p", f"{name}:={value}")]
-    done = executable("velocity", flown, tmp_path / "offline.mcap", *given)
+    done = command("velocity", flown, tmp_path / "offline.mcap", *given)
     assert done.returncode == 0, done.stderr
     with open_bag(tmp_path / "offline.mcap") as bag:
         offline = {topic: [message.data for message in bag.messages([f"/cam/{topic}"])] for topic in clouds}
@@ -87,6 +88,7 @@ def test_what_it_waits_for_is_said(graph: Graph) -> None:
     assert node.stop() == 0
 
 
+@pytest.mark.thorough
 def test_a_water_level_is_missed_and_one_before_the_first_image_is_not_stale(
     graph: Graph, flight: list[Shot], tmp_path: Path
 ) -> None:
@@ -124,6 +126,7 @@ def test_a_water_level_is_missed_and_one_before_the_first_image_is_not_stale(
     assert (values["wse_m"], float(values["water_level_age_s"]) < 1) == ("0.5", True)
 
 
+@pytest.mark.thorough
 def test_in_metres_it_takes_the_calibration_of_the_camera(graph: Graph) -> None:
     """As shipped settings have it, with a scale and no file of a camera."""
     reports: list[Any] = graph.listen(DiagnosticArray, "/diagnostics")

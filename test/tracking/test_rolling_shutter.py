@@ -89,6 +89,7 @@ def test_sigma_says_what_the_homography_alone_leaves() -> None:
             assert track.sigma_px == pytest.approx(left_px(track, 0.5, with_rows=False), rel=0.35)
 
 
+@pytest.mark.thorough
 def test_what_is_not_looked_for_stays() -> None:
     stabilizer = make_stabilizer({"rolling_shutter": "off"})
     tracks = tracked(stabilizer, 0.5)[1:]
@@ -112,6 +113,7 @@ def test_the_image_is_straight() -> None:
     assert found_levels[1] > 7.0
 
 
+@pytest.mark.thorough
 def test_rows_are_noticed_in_mid_flight() -> None:
     """Without a start-up; the first frames are still."""
     stabilizer = make_stabilizer({"start_s": 0.0})
