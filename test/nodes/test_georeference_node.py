@@ -23,7 +23,7 @@ from georeferenced_stream import (
 )
 from live_graph import Graph, image_message, stamp_ns, values_of
 from rclpy.serialization import deserialize_message
-from recordings import Entry, entries, write_mcap
+from recordings import FRAME_ID, Entry, entries, write_mcap
 from recordings import camera_info as recorded_info
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Float64, String
@@ -117,7 +117,7 @@ def test_live_gives_what_the_command_gives(
     for live, same in zip(heard[POSE], offline[POSE], strict=True):  # of numerical derivatives
         np.testing.assert_allclose(live.pose.covariance, same.pose.covariance, rtol=1e-5, atol=1e-9)
     for live, same in zip(heard[MOTION], offline[MOTION], strict=True):
-        assert live.header.frame_id == same.header.frame_id == "cam"
+        assert live.header.frame_id == same.header.frame_id == FRAME_ID
         C = np.reshape(same.twist.covariance, (6, 6))
         assert np.linalg.eigvalsh(C)[0] > 0
         scale = np.sqrt(np.outer(np.diag(C), np.diag(C)))
