@@ -186,7 +186,7 @@ class Flight:
 
     def surveyed(self) -> FloatArray:
         """(8, 3), where the control points are."""
-        return MAP_M + np.append(self.pose(0).position_m[:2], 0)
+        return np.asarray(MAP_M + np.append(self.pose(0).position_m[:2], 0))
 
     def gcps(self, rng: np.random.Generator) -> ControlPoints:
         """As marked in the first frame and surveyed."""
