@@ -71,7 +71,8 @@ def test_transforms_are_those_of_the_poses(graph: Graph, tmp_path: Path, monkeyp
     assert (stream.node.stop(), recorder.stop()) == (0, 0)
     assert stream.node.log.count("the images have no frame_id, so that their camera is not on /tf") == 1
     with AnyReader([output]) as bag:
-        read: list[tuple[str, Any]] = [(one.topic, bag.deserialize(data, one.msgtype)) for one, _, data in bag.messages()]
+        read: list[tuple[str, Any]] = [(one.topic, bag.deserialize(data, one.msgtype))
+                                       for one, _, data in bag.messages()]
     poses = {stamp_ns(one): one.pose.pose for topic, one in read if topic == f"{NODE}/pose"}
     sent = [one for topic, message in read if topic == "/tf" for one in message.transforms]
     assert [stamp_ns(one) for one in sent] == [shot(number).stamp_ns for number in (0, 1, 4, 5)]
