@@ -247,7 +247,7 @@ def test_errors_of_a_flight_over_a_nadir_reference_are_as_told() -> None:
     scores.check()
 
 
-@pytest.mark.parametrize("calibrated", [True, False])
+@pytest.mark.parametrize("calibrated", [pytest.param(True, marks=pytest.mark.thorough), False])
 def test_errors_of_a_flight_with_control_points_in_its_reference_are_as_told(calibrated: bool) -> None:
     """Without a calibration, the focal length is fitted, and its error is that of the heights."""
     scores = Scores()
@@ -275,7 +275,7 @@ def followed(flight: Flight, number: int, marked: ControlPoints, near: View | No
         fit_pose(points, near.camera, noise=noise, near=near))
 
 
-@pytest.mark.parametrize("calibrated", [True, False])
+@pytest.mark.parametrize("calibrated", [True, pytest.param(False, marks=pytest.mark.thorough)])
 def test_errors_by_followed_control_points_are_as_told(calibrated: bool) -> None:
     """Marks and survey err by the same in all frames; with nothing shared, sigmas would be several times as large."""
     scores = Scores()
@@ -299,7 +299,7 @@ def test_errors_by_followed_control_points_are_as_told(calibrated: bool) -> None
 def test_errors_by_sensors_alone_are_as_told() -> None:
     """Several frames lie between the same samples, so that neighbours share most of their errors."""
     scores = Scores()
-    for seed in range(6):
+    for seed in range(3):
         flight = Reach(along_reach(gust_deg=0.3), 1.5, 25.0, PPK, seed)
         config = GeoreferenceConfig(orientation="dynamic_gps_imu", lever_arm_m=",".join(map(str, PPK.lever_arm_m)))
         scores_of(flight, config, scores, [replace(one, ref_H_cur=None, covariance=None) for one in flight.sightings])
@@ -309,7 +309,7 @@ def test_errors_by_sensors_alone_are_as_told() -> None:
 def test_errors_of_homographies_fused_with_sensors_are_covered() -> None:
     """The filter expects errors of the model (0.1 px, 2 % of the way) that these homographies do not have."""
     scores = Scores()
-    for seed in range(3):
+    for seed in range(2):
         flight = Reach(along_reach(), 3.0, 10.0, PPK, seed)
         config = GeoreferenceConfig(orientation="dynamic_gps_imu", lever_arm_m=",".join(map(str, PPK.lever_arm_m)))
         scores_of(flight, config, scores, flight.sightings)
