@@ -12,7 +12,7 @@ from stab_ros.core.text import are, counted
 from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography
 from stab_ros.georeferencing.camera_fit import CameraFit, fit_pose
 from stab_ros.georeferencing.control_points import ControlPoints
-from stab_ros.georeferencing.followed_error import followed_error
+from stab_ros.georeferencing.followed_error import FollowedError, followed_error
 from stab_ros.georeferencing.followed_points import PointFollower
 from stab_ros.georeferencing.gcp_fit import GcpFit
 from stab_ros.georeferencing.orientation import Answer, Unplaced
@@ -69,7 +69,8 @@ class DynamicGcps:
             if usable < _LEAST_POINTS:
                 raise InputError(f"{usable} of {counted(len(self._trusted), 'control point')} {are(usable)} amid "
                                  f"structure to be followed by, it must be {_LEAST_POINTS}; mark others")
-            return by_fit(self._found, sighting.wse_m, sighting.wse_sigma_m)
+            first = by_fit(self._found, sighting.wse_m, sighting.wse_sigma_m)
+            return _linked(first, FollowedError.of_marked(self._fit))
         expected = self._follower.moved(sighting.gray, self._view.project(self._fit.points.map_m))
         followed = self._fitted(self._follower, sighting.gray, expected, self._view)
         if isinstance(followed, _Followed) and followed.seen.sum() < self._trusted.sum():
@@ -101,10 +102,11 @@ class DynamicGcps:
         fit = followed.fit
         if not fit.view.pose.position_m[2] > sighting.wse_m:
             return not_above(fit.view.pose, sighting.wse_m)
-        error = followed_error(self._fit, fit, followed.seen, followed.tracking_px2, sighting.wse_m)
+        error = followed_error(self._fit, fit, followed.seen, followed.tracking_px2)
         hidden = tuple(name for name in self._fit.points.names if name not in fit.points.names)
         answer = by_fit(GcpFit(fit, self._found.camera, True, self._warnings(hidden, fit)), sighting.wse_m,
-                        sighting.wse_sigma_m, error)
+                        sighting.wse_sigma_m, error.on_water(sighting.wse_m))
+        answer = _linked(answer, error)
         return replace(answer, rejected=(*hidden, *fit.wrong)) if isinstance(answer, Placement) else answer
 
     def _warnings(self, hidden: tuple[str, ...], fit: CameraFit) -> tuple[str, ...]:
@@ -116,6 +118,13 @@ class DynamicGcps:
     @property
     def _ground_m(self) -> float:
         return float(np.median(self._fit.points.map_m[:, 2]))
+
+
+def _linked(answer: Answer, error: FollowedError) -> Answer:
+    """The answer, with what its pose shares with those of other frames."""
+    if not isinstance(answer, Placement):
+        return answer
+    return replace(answer, pose_covariance=error.pose_covariance, pose_link=error.pose_link)
 
 
 def _moved(first: View, last: View, ground_m: float) -> Homography:

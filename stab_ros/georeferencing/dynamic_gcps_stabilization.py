@@ -24,7 +24,7 @@ class DynamicGcpsStabilization:
         ground_m = config.wse_m + config.ground_above_wse_m
         plane_m = found.fit.wse_m if isinstance(found.fit, PlaneFit) else ground_m
         self._found = found
-        self._reference = ReferencePlace(*found.on_plane(plane_m), plane_m)
+        self._reference = ReferencePlace(*found.on_plane(plane_m), plane_m, found.focal_spread)
         self._resets: int | None = None  # at the first frame
 
     def place(self, sighting: Sighting) -> Answer:

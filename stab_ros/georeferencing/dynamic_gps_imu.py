@@ -10,12 +10,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stab_ros.core.covariance import factor
 from stab_ros.core.geometry import product_jacobians
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.fusion import Fused, Fusion, FusionSettings
 from stab_ros.georeferencing.interpolation import Limits
 from stab_ros.georeferencing.orientation import Answer, Unplaced
 from stab_ros.georeferencing.placement import Placement, Sighting
+from stab_ros.georeferencing.pose_link import PoseLink
 from stab_ros.georeferencing.pose_track import Mounting, PosePrior, PoseTrack
 from stab_ros.georeferencing.posed import placed
 from stab_ros.georeferencing.sensor_checks import check_view
@@ -30,12 +32,13 @@ KnownPose = tuple[Pose, FloatArray]
 
 @dataclass(frozen=True, eq=False)
 class _Told:
-    """What is told of a pose. covariance: (6, 6). warnings: one line each. innovation: as of `Fused`."""
+    """What is told of a pose. covariance: (6, 6). warnings: one line each. innovation, link: as of `Fused`."""
 
     pose: Pose
     covariance: FloatArray | None
     warnings: tuple[str, ...] = ()
     innovation: float = math.nan
+    link: PoseLink | None = None
 
 
 class DynamicGpsImu:
@@ -66,6 +69,7 @@ class DynamicGpsImu:
         self._fusion = Fusion(camera, self._fusion_settings)
         self._watch = SensorWatch(camera, self._track, ground_m, config.apply_time_offset)
         self._moving = False  # whether a homography has come
+        self._chain = object()  # of poses by sensors alone, on one clock
 
     def place(self, sighting: Sighting) -> Answer:
         """Places a frame by the samples around it, and by its homography."""
@@ -78,7 +82,7 @@ class DynamicGpsImu:
         correction_s = self._watch.taken_correction_s()
         if correction_s:
             self._sensors.shift(correction_s)
-            self._fusion = Fusion(self._camera, self._fusion_settings)
+            self._fusion, self._chain = Fusion(self._camera, self._fusion_settings), object()
 
     def _placed(self, sighting: Sighting) -> Answer:
         self._watch.add(sighting)
@@ -98,19 +102,28 @@ class DynamicGpsImu:
             values["innovation"] = told.innovation
         answer = placed(self._camera, told.pose, told.covariance, sighting.wse_m, sighting.wse_sigma_m, values,
                         (*told.warnings, *self._doubts(), *self._watch.warnings), anew=True)
-        return _split(answer, sighting if self._moving else None)
+        answer = _split(answer, sighting if self._moving else None)
+        return replace(answer, pose_link=told.link) if isinstance(answer, Placement) else answer
 
     def _told(self, sighting: Sighting, prior: PosePrior | Unplaced) -> _Told | Unplaced:
         """The pose by the sensors alone, until there are homographies to fuse them with."""
         self._moving = self._moving or (self._config.fuse_homographies and sighting.ref_H_cur is not None)
         if not self._moving:
-            return prior if isinstance(prior, Unplaced) else _Told(prior.pose, prior.covariance)
+            return prior if isinstance(prior, Unplaced) else _Told(prior.pose, prior.covariance, link=self._link(prior))
         seen, self._first = self._first, None
         fused = self._fusion.update(sighting, None if isinstance(prior, Unplaced) else prior, seen)
         if not isinstance(fused, Fused):
             return prior if isinstance(prior, Unplaced) else fused
         lost = () if isinstance(prior, PosePrior) else (f"by homographies alone: {prior.reason}",)
-        return _Told(fused.pose, fused.covariance, (*fused.warnings, *lost), fused.innovation)
+        return _Told(fused.pose, fused.covariance, (*fused.warnings, *lost), fused.innovation, fused.link)
+
+    def _link(self, prior: PosePrior) -> PoseLink:
+        """Frames share the samples beside them, and what of all samples errs slowly."""
+        slow = self._config.sensor_slow_share
+        if not slow or prior.covariance is None:
+            return PoseLink(self._chain, prior.by)
+        white = {source: math.sqrt(1 - slow) * columns for source, columns in prior.by.items()}
+        return PoseLink(self._chain, {**white, "slow errors": math.sqrt(slow) * factor(prior.covariance)})
 
     def _doubts(self) -> tuple[str, ...]:
         """Samples without covariance are said, as the sigma of the settings then stands for theirs."""

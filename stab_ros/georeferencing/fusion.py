@@ -21,18 +21,21 @@ Then p is dropped again. So many frames average the white errors, and the sensor
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.special import chdtri
 
+from stab_ros.core.covariance import factor
 from stab_ros.core.geometry import apply
 from stab_ros.core.types import FloatArray, Homography
 from stab_ros.georeferencing.orientation import Unplaced
 from stab_ros.georeferencing.placement import Sighting
 from stab_ros.georeferencing.plane_points import PlanePoints
 from stab_ros.georeferencing.plane_pose import pose_of_plane
+from stab_ros.georeferencing.pose_link import PoseLink
 from stab_ros.georeferencing.pose_track import PosePrior
 from stab_ros.georeferencing.posed import turned
 from stab_ros.georeferencing.small_matrices import inverse, solved
@@ -82,19 +85,22 @@ class Fused:
         innovation: how far the sensors' pose lies from the expected one: squared Mahalanobis distance of 8 numbers;
             NaN: there is no pose, or nothing was expected.
         warnings: what makes the answer doubtful: one line each.
+        link: what the pose has in common with that of the frame before; None: it is that of the sensors alone.
     """
 
     pose: Pose
     covariance: FloatArray
     innovation: float = math.nan
     warnings: tuple[str, ...] = ()
+    link: PoseLink | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class _State:
     """points: those of the image. x: (16,) c and b. P: (16, 16), its covariance. sigma_m: of drift, so far.
 
-    far_m: greatest distance of the view from the reference, so far.
+    far_m: greatest distance of the view from the reference, so far. chain: of all frames since the filter began.
+    by_pose: what x errs by one standard deviation of each error of the last pose, (16, 6), by the stamp of that.
     """
 
     points: PlanePoints
@@ -104,6 +110,8 @@ class _State:
     stamp_ns: int
     sigma_m: float
     far_m: float = 0.0
+    chain: object = field(default_factory=object)
+    by_pose: Mapping[int, FloatArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +233,8 @@ class Fusion:
             sigma_m = now_m
         P[:8, :8] += self._relief(far_m - state.far_m, c)
         x = np.concatenate([c, kept * state.x[8:]])
-        ahead = _State(state.points, x, P, ref_H_cur, sighting.stamp_ns, sigma_m, far_m)
+        by_pose = {stamp_ns: transition @ errors for stamp_ns, errors in state.by_pose.items()}
+        ahead = _State(state.points, x, P, ref_H_cur, sighting.stamp_ns, sigma_m, far_m, state.chain, by_pose)
         return ahead, self._noise(state, c, registration, now_m)
 
     def _registration(self, state: _State, c: FloatArray, sighting: Sighting,
@@ -275,8 +284,13 @@ class Fusion:
             step = solved(N, g - seen_from.T @ weight @ (state.x[:8] - placed[0]))
             pose = turned(pose, step[16:])
         covariance = inverse(N)
-        self._state = replace(state, x=state.x + step[:16], P=covariance[:16, :16])
-        return Fused(pose, covariance[16:, 16:], innovation)
+        own = factor(covariance[16:, 16:])
+        by_pose = {state.stamp_ns: covariance[:16, 16:] @ inverse(own).T}
+        self._state = replace(state, x=state.x + step[:16], P=covariance[:16, :16], by_pose=by_pose)
+        told = covariance[16:, :16] @ information  # of the errors before, by least squares
+        link = PoseLink(state.chain, {stamp_ns: told @ one for stamp_ns, one in state.by_pose.items()}
+                        | {state.stamp_ns: own})
+        return Fused(pose, covariance[16:, 16:], innovation, link=link)
 
     def _lost(self, stamp_ns: int, sensors: _Observation | None, control: _Observation | None) -> Fused | Unplaced:
         """The observed pose, without the sensors' slow errors as far as they are known; the state stays."""

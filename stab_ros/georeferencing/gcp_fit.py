@@ -53,6 +53,14 @@ class GcpFit:
         return None if isinstance(self.fit, PlaneFit) else (self.fit.view.pose, self.fit.pose_covariance)
 
     @property
+    def focal_spread(self) -> FloatArray:
+        """(2, K), what the K errors of `on_plane` change of the logarithms of both focal lengths; (2, 0): known."""
+        if isinstance(self.fit, PlaneFit) or not self.fit.unknowns.focals:
+            return np.zeros((2, 0))
+        rows = factor(self.fit.solution.covariance)[self.fit.unknowns.focal]
+        return np.asarray(np.broadcast_to(rows, (2, rows.shape[1])))
+
+    @property
     def worst_point(self) -> str:
         """The used point with the largest residual."""
         size = np.where(self.fit.used, np.linalg.norm(self.fit.residuals_px, axis=1), -1)

@@ -16,6 +16,7 @@ from stab_ros.core.geometry import apply, grid, inside, normalized
 from stab_ros.core.gray import GreyRange, grey_range, to_gray
 from stab_ros.core.text import counted
 from stab_ros.core.types import FloatArray, Frame, Homography, Image
+from stab_ros.georeferencing.camera_twist import Moment, Twist, twist_between
 from stab_ros.georeferencing.control_points import ControlPoints
 from stab_ros.georeferencing.horizon import gsd_m, in_front, sampled_pixels, shown_well
 from stab_ros.georeferencing.local_frame import LocalFrame
@@ -41,6 +42,7 @@ class Georeferenced:
         answer: where the frame lies, or why that is not known.
         grid: of the orthophotos, the same for all frames; None: none is placed yet.
         ortho_H_image: (3, 3), h22 = 1, from undistorted pixels of the image to pixels of the grid; None: unplaced.
+        before: the frame before it; None: there is none, or it is unplaced.
     """
 
     frame: Frame
@@ -48,6 +50,7 @@ class Georeferenced:
     answer: Answer
     grid: OrthoGrid | None = None
     ortho_H_image: Homography | None = None
+    before: Moment | None = None
 
     @property
     def placement(self) -> Placement | None:
@@ -58,6 +61,13 @@ class Georeferenced:
     def reason(self) -> str:
         """Why the frame is unplaced; "" if it is not."""
         return self.answer.reason if isinstance(self.answer, Unplaced) else ""
+
+    @property
+    def twist(self) -> Twist | None:
+        """How the camera has moved since the frame before; None: see `twist_between`. It is computed anew."""
+        if self.placement is None or self.before is None:
+            return None
+        return twist_between(self.before, Moment(self.frame.stamp_ns, self.placement))
 
 
 class Georeferencer:
@@ -94,6 +104,7 @@ class Georeferencer:
         self._grid: OrthoGrid | None = None
         self._orthophotos: tuple[Camera, Orthophotos] | None = None
         self._range: GreyRange | None = None  # of the first frame
+        self._before: Moment | None = None  # the last frame, where it is placed
 
     @property
     def grid(self) -> OrthoGrid | None:
@@ -226,6 +237,11 @@ class Georeferencer:
         return self._sensors.cover(self._waiting[0][0].stamp_ns)
 
     def _answer(self, frame: Frame, motion: Motion | None) -> Georeferenced:
+        answer = replace(self._answered(frame, motion), before=self._before)
+        self._before = None if answer.placement is None else Moment(frame.stamp_ns, answer.placement)
+        return answer
+
+    def _answered(self, frame: Frame, motion: Motion | None) -> Georeferenced:
         wse_m = self._levels.at(frame.stamp_ns)
         answer = self._placed(frame, motion, wse_m)
         if isinstance(answer, Unplaced):

@@ -8,7 +8,7 @@ next to it alone, so it is the same live and from a recording.
 from __future__ import annotations
 
 import bisect
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -43,11 +43,13 @@ class Interpolated:
         values: (3,) position, m, or (4,) quaternion x, y, z, w.
         covariance: (3, 3), as of the samples; None: they do not tell.
         interval_s: between the two samples beside it.
+        weights: of the samples that count, by their stamps, ns.
     """
 
     values: FloatArray
     covariance: FloatArray | None
     interval_s: float
+    weights: Mapping[int, float]
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,8 @@ def position_at(samples: Sequence[PositionSample], stamp_ns: int, limits: Limits
         return found
     near, weights = _weights(samples, found, spline)
     position = np.einsum("i,ij->j", weights, np.stack([sample.position_m for sample in near]))
-    return Interpolated(position, _combined([s.covariance_m2 for s in near], weights), found.interval_s)
+    return Interpolated(position, _combined([s.covariance_m2 for s in near], weights), found.interval_s,
+                        _by_stamp(near, weights))
 
 
 def attitude_at(samples: Sequence[AttitudeSample], stamp_ns: int, limits: Limits) -> Interpolated | Unplaced:
@@ -88,8 +91,9 @@ def attitude_at(samples: Sequence[AttitudeSample], stamp_ns: int, limits: Limits
     near = samples[found.index:found.index + 2]
     before, after = (Rotation.from_quat(sample.map_q_body) for sample in near)
     turned = before * Rotation.from_rotvec(found.share * (before.inv() * after).as_rotvec())
-    covariance = _combined([s.covariance_rad2 for s in near], np.array([1 - found.share, found.share]))
-    return Interpolated(np.asarray(turned.as_quat()), covariance, found.interval_s)
+    weights = np.array([1 - found.share, found.share])
+    covariance = _combined([s.covariance_rad2 for s in near], weights)
+    return Interpolated(np.asarray(turned.as_quat()), covariance, found.interval_s, _by_stamp(near, weights))
 
 
 def _bracket(samples: Sequence[Sample], stamp_ns: int, limits: Limits, what: str) -> _Bracket | Unplaced:
@@ -125,6 +129,10 @@ def _weights(samples: Sequence[PositionSample], at: _Bracket,
     ends = np.eye(4)[1:3]
     return near, (ends[0] * (2 * a**3 - 3 * a**2 + 1) + slopes[0] * (a**3 - 2 * a**2 + a)
                   + ends[1] * (3 * a**2 - 2 * a**3) + slopes[1] * (a**3 - a**2))
+
+
+def _by_stamp(samples: Sequence[Sample], weights: FloatArray) -> dict[int, float]:
+    return {sample.stamp_ns: float(weight) for sample, weight in zip(samples, weights, strict=True)}
 
 
 def _combined(covariances: Sequence[FloatArray | None], weights: FloatArray) -> FloatArray | None:

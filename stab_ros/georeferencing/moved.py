@@ -6,7 +6,7 @@ lies on the water at C + (X - C) (C_z - WSE) / (C_z - ground), along the same ra
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,8 +14,9 @@ from stab_ros.core.geometry import normalized, product_jacobians
 from stab_ros.core.types import FloatArray, Homography
 from stab_ros.georeferencing.orientation import Answer, Unplaced
 from stab_ros.georeferencing.place_error import PlaceError
-from stab_ros.georeferencing.placement import Sighting
-from stab_ros.georeferencing.plane_pose import pose_covariance, pose_of_plane
+from stab_ros.georeferencing.placement import Placement, Sighting
+from stab_ros.georeferencing.plane_pose import focal_derivative, pose_derivative, pose_of_plane
+from stab_ros.georeferencing.pose_link import PoseLink
 from stab_ros.georeferencing.posed import not_above, placement
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.pose import Pose
@@ -29,11 +30,13 @@ class ReferencePlace:
         map_H_ref: (3, 3), h22 = 1, from its undistorted pixels to east and north on the ground, m.
         spread: (8, K), changes of h00 .. h21 by one standard deviation of each of K errors, which all frames share.
         ground_m: elevation of the ground in the map.
+        focal_spread: (2, K), what the same errors change of the logarithms of the focal lengths; (2, 0): known.
     """
 
     map_H_ref: Homography
     spread: FloatArray
     ground_m: float
+    focal_spread: FloatArray = field(default_factory=lambda: np.zeros((2, 0)))
 
 
 def placed_by_motion(camera: Camera, calibrated: bool, reference: ReferencePlace, sighting: Sighting,
@@ -64,8 +67,21 @@ def placed_by_motion(camera: Camera, calibrated: bool, reference: ReferencePlace
     higher, _ = _on_water(map_H_ground, pose, reference.ground_m, sighting.wse_m - 1e-4)
     by_wse = (map_H_image - higher).ravel()[:8] / 1e-4
     on_water = error.mapped(by_ground).with_shared(sighting.wse_sigma_m * by_wse)
-    return placement(camera, map_H_image, on_water, pose,
-                     pose_covariance(camera, map_H_ground, error.covariance), values, warnings)
+    own, shared = _pose_error(camera, map_H_ground, reference, error)
+    answer = placement(camera, map_H_image, on_water, pose, own + shared @ shared.T, values, warnings)
+    if not isinstance(answer, Placement):
+        return answer
+    return replace(answer, pose_link=PoseLink("homographies", {"place of the reference": shared}))
+
+
+def _pose_error(camera: Camera, map_H_ground: Homography, reference: ReferencePlace,
+                error: PlaceError) -> tuple[FloatArray, FloatArray]:
+    """Covariance (6, 6) of the error of the pose that the frame has by itself, and changes (6, K) by what is shared."""
+    J = pose_derivative(camera, map_H_ground)
+    shared = J @ error.shared
+    if reference.focal_spread.shape[1]:
+        shared = shared + focal_derivative(camera, map_H_ground, reference.ground_m) @ reference.focal_spread
+    return np.asarray(J @ error.own @ J.T), shared
 
 
 def _combined(reference: ReferencePlace, sighting: Sighting) -> PlaceError | None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from stab_ros.core.types import FloatArray, Gray, Homography
 from stab_ros.georeferencing.place_error import PlaceError
+from stab_ros.georeferencing.pose_link import PoseLink
 from stab_ros.imaging.pose import Pose
 
 NO_PICTURE: Gray = np.zeros((0, 0), np.uint8)
@@ -68,6 +69,8 @@ class Placement:
         warnings: what makes the answer doubtful: one line each.
         rejected: names of control points that were left out.
         worst_point: name of the control point with the largest residual; "": there are none.
+        pose_link: what the pose has in common with those of other frames; None: its changes are no motion, as where the
+            camera is taken to be still.
     """
 
     map_H_image: Homography
@@ -78,6 +81,7 @@ class Placement:
     warnings: tuple[str, ...] = ()
     rejected: tuple[str, ...] = ()
     worst_point: str = ""
+    pose_link: PoseLink | None = None
 
     @property
     def covariance(self) -> FloatArray | None:

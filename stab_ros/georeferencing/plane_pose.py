@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from stab_ros.core.types import FloatArray, Homography
 from stab_ros.georeferencing.pose_track import cross_matrix
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.pose import Pose
 
+_STEP = 1e-5  # of the logarithm of a focal length
 
 def pose_of_plane(camera: Camera, map_H_image: Homography, plane_m: float) -> Pose:
     """The pose from which a horizontal plane is seen.
@@ -27,33 +32,8 @@ def pose_of_plane(camera: Camera, map_H_image: Homography, plane_m: float) -> Po
     return Pose(np.array([east, north, plane_m + height]), R)
 
 
-def pose_covariance(camera: Camera, map_H_image: Homography, covariance: FloatArray) -> FloatArray:
-    """Covariance (6, 6) of `pose_of_plane`, as of `Placement`.
-
-    Args:
-        camera: as there.
-        map_H_image: as there, with h22 = 1.
-        covariance: (8, 8) of its h00 .. h21.
-    """
-    J = _pose_derivative(camera, map_H_image)
-    return np.asarray(J @ covariance @ J.T)
-
-
-def _columns(camera: Camera, map_H_image: Homography) -> FloatArray:
-    """K^-1 image_H_map (3, 3), scaled so that its first columns are of length 1 and the camera is above the plane."""
-    columns = np.linalg.solve(camera.K, np.linalg.inv(map_H_image))
-    columns /= np.sqrt(np.linalg.norm(columns[:, 0]) * np.linalg.norm(columns[:, 1]))
-    return np.asarray(columns * -np.sign(np.cross(columns[:, 0], columns[:, 1]) @ columns[:, 2]))
-
-
-def _nearest_rotation(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """R (3, 3) and S (3, 3), symmetric, with R S = [c1, c2, c1 x c2]: the polar decomposition."""
-    U, singular, Vt = np.linalg.svd(np.column_stack([columns[:, :2], np.cross(columns[:, 0], columns[:, 1])]))
-    return np.asarray(U @ Vt), np.asarray(Vt.T * singular @ Vt)
-
-
-def _pose_derivative(camera: Camera, map_H_image: Homography) -> FloatArray:
-    """(6, 8) of position and rotations about the axes of the map by h00 .. h21."""
+def pose_derivative(camera: Camera, map_H_image: Homography) -> FloatArray:
+    """(6, 8) of `pose_of_plane`, position and rotations about the axes of the map, by h00 .. h21."""
     c = _columns(camera, map_H_image)
     R, S = _nearest_rotation(c)
     entries = np.eye(9)[:8].reshape(8, 3, 3)
@@ -67,3 +47,32 @@ def _pose_derivative(camera: Camera, map_H_image: Homography) -> FloatArray:
     w = np.linalg.solve(np.trace(S) * np.eye(3) - S, skew)
     place = -cross_matrix(R.T @ c[:, 2]) @ w - R.T @ dc[:, :, 2].T
     return np.concatenate([place, -w])
+
+
+def focal_derivative(camera: Camera, map_H_image: Homography, plane_m: float) -> FloatArray:
+    """(6, 2) of `pose_of_plane`, as `pose_derivative`, by the logarithms of the two focal lengths."""
+    columns = []
+    for axis in range(2):
+        less, more = (pose_of_plane(_zoomed(camera, axis, step), map_H_image, plane_m) for step in (-_STEP, _STEP))
+        turn = Rotation.from_matrix(more.cam_R_map.T @ less.cam_R_map).as_rotvec()
+        columns.append(np.concatenate([more.position_m - less.position_m, turn]) / (2 * _STEP))
+    return np.stack(columns, axis=1)
+
+
+def _zoomed(camera: Camera, axis: int, change: float) -> Camera:
+    K = camera.K.copy()
+    K[axis, axis] *= math.exp(change)
+    return replace(camera, K=K)
+
+
+def _columns(camera: Camera, map_H_image: Homography) -> FloatArray:
+    """K^-1 image_H_map (3, 3), scaled so that its first columns are of length 1 and the camera is above the plane."""
+    columns = np.linalg.solve(camera.K, np.linalg.inv(map_H_image))
+    columns /= np.sqrt(np.linalg.norm(columns[:, 0]) * np.linalg.norm(columns[:, 1]))
+    return np.asarray(columns * -np.sign(np.cross(columns[:, 0], columns[:, 1]) @ columns[:, 2]))
+
+
+def _nearest_rotation(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """R (3, 3) and S (3, 3), symmetric, with R S = [c1, c2, c1 x c2]: the polar decomposition."""
+    U, singular, Vt = np.linalg.svd(np.column_stack([columns[:, :2], np.cross(columns[:, 0], columns[:, 1])]))
+    return np.asarray(U @ Vt), np.asarray(Vt.T * singular @ Vt)

@@ -6,11 +6,13 @@ mount. Small rotations w of the body about the axes of the map move it by -w x (
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from stab_ros.core.covariance import factor
 from stab_ros.core.errors import InputError
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.interpolation import Interpolated, Limits, attitude_at, position_at
@@ -57,6 +59,8 @@ class PosePrior:
         map_R_body: (3, 3), attitude of the body.
         position_interval_s: between the samples of position.
         attitude_interval_s: between the samples of attitude.
+        by: changes (6, 3) of the pose by one standard deviation of the errors of each sample that counts, by what it is
+            and its stamp, ns; empty where the covariance is unknown. They add up to `covariance`.
     """
 
     stamp_ns: int
@@ -65,6 +69,7 @@ class PosePrior:
     map_R_body: FloatArray
     position_interval_s: float = 0.0
     attitude_interval_s: float = 0.0
+    by: Mapping[Hashable, FloatArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +105,7 @@ class PoseTrack:
         R = rotation_of_quaternion(attitude.values)
         pose = Pose(position.values - R @ self.mounting.lever_arm_m, self.mounting.body_R_optical.T @ R.T)
         return PosePrior(stamp_ns, pose, self._covariance(position, attitude, R), R, position.interval_s,
-                         attitude.interval_s)
+                         attitude.interval_s, self._by_samples(position, attitude, R))
 
     def _covariance(self, position: Interpolated, attitude: Interpolated, R: FloatArray) -> FloatArray | None:
         by_position = _known(position.covariance, self.position_sigma_m)
@@ -110,6 +115,17 @@ class PoseTrack:
         turns = R @ in_body @ R.T
         lever = cross_matrix(R @ self.mounting.lever_arm_m)  # -w x l = l x w
         return np.block([[by_position + lever @ turns @ lever.T, lever @ turns], [turns @ lever.T, turns]])
+
+    def _by_samples(self, position: Interpolated, attitude: Interpolated, R: FloatArray) -> dict[Hashable, FloatArray]:
+        """`PosePrior.by`; samples of one sensor count as equally sure."""
+        by_position = _known(position.covariance, self.position_sigma_m)
+        in_body = _known(attitude.covariance, self.attitude_sigma_rad)
+        if by_position is None or in_body is None:
+            return {}
+        turns, lever = R @ factor(in_body), cross_matrix(R @ self.mounting.lever_arm_m)
+        places = np.concatenate([factor(by_position), np.zeros((3, 3))])
+        return _shared_out("position", position.weights, places) | _shared_out(
+            "attitude", attitude.weights, np.concatenate([lever @ turns, turns]))
 
 
 def repeats(before: PositionSample, sample: PositionSample, repeat_s: float = 0.5) -> bool:
@@ -126,6 +142,12 @@ def cross_matrix(v: FloatArray) -> FloatArray:
     """The matrix (3, 3) by which v x u = [v] u."""
     x, y, z = v
     return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0.0]])
+
+
+def _shared_out(what: str, weights: Mapping[int, float], columns: FloatArray) -> dict[Hashable, FloatArray]:
+    """Changes (6, 3) by the errors of all samples, `columns`, as those of each of them."""
+    length = math.hypot(*weights.values())
+    return {(what, stamp_ns): weight / length * columns for stamp_ns, weight in weights.items()}
 
 
 def _known(covariance: FloatArray | None, sigma: float | None) -> FloatArray | None:

@@ -2,7 +2,7 @@
 
 Live (raw topics) and offline (bags) use the same bytes. One module per message: `image_message`, `camera_message`,
 `homography_message`, `track_message`, `metrics_message`, `diagnostics_message`, `fix_message`, `attitude_message`,
-`water_level_message`, `pose_message`, `marker_message`, `velocity_message`.
+`water_level_message`, `pose_message`, `twist_message`, `transform_message`, `marker_message`, `velocity_message`.
 """
 
 from __future__ import annotations
@@ -34,6 +34,8 @@ IMU = "sensor_msgs/msg/Imu"
 QUATERNION_STAMPED = "geometry_msgs/msg/QuaternionStamped"
 POINT_STAMPED = "geometry_msgs/msg/PointStamped"
 POSE_WITH_COVARIANCE_STAMPED = "geometry_msgs/msg/PoseWithCovarianceStamped"
+TWIST_WITH_COVARIANCE_STAMPED = "geometry_msgs/msg/TwistWithCovarianceStamped"
+TF_MESSAGE = "tf2_msgs/msg/TFMessage"
 POINT_CLOUD2 = "sensor_msgs/msg/PointCloud2"
 MARKER_ARRAY = "visualization_msgs/msg/MarkerArray"
 

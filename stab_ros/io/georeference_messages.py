@@ -1,4 +1,4 @@
-"""What georeferencing tells of a frame, as messages: `ortho_info` and `~/status`; the same bytes live and offline."""
+"""What georeferencing tells of a frame, as messages: place, motion, status; the same bytes live and offline."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ from stab_ros.io.diagnostics_message import OK, WARN, status_cdr
 from stab_ros.io.fix_message import Fix, fix_cdr
 from stab_ros.io.homography_message import rectification_cdr
 from stab_ros.io.marker_message import gcps_cdr
+from stab_ros.io.pose_message import pose_cdr
+from stab_ros.io.transform_message import transform_cdr
+from stab_ros.io.twist_message import twist_cdr
 
 MAP_FRAME = "map"
 _MARKER_PX = 20.0  # diameter of the balls that mark control points, in pixels of the orthophoto
@@ -20,6 +23,28 @@ _MARKER_PX = 20.0  # diameter of the balls that mark control points, in pixels o
 def map_header(answer: Georeferenced) -> Header:
     """The header of what is told in the map at the time of a frame."""
     return Header(answer.frame.stamp_ns, MAP_FRAME)
+
+
+def pose_of_cdr(answer: Georeferenced) -> bytes | None:
+    """PoseWithCovarianceStamped of the camera in the map; None: its pose is not known."""
+    placement = answer.placement
+    if placement is None or placement.pose is None:
+        return None
+    return pose_cdr(placement.pose, placement.pose_covariance, map_header(answer))
+
+
+def motion_cdr(answer: Georeferenced) -> bytes | None:
+    """TwistWithCovarianceStamped of the camera in its own optical frame; None: see `Georeferenced.twist`."""
+    twist = answer.twist
+    return None if twist is None else twist_cdr(twist, header_of(answer.frame))
+
+
+def camera_transform_cdr(answer: Georeferenced) -> bytes | None:
+    """TFMessage from the map to the frame of the image; None: its pose is not known, or the frame has no name."""
+    placement = answer.placement
+    if placement is None or placement.pose is None or not answer.frame.frame_id:
+        return None
+    return transform_cdr(placement.pose, map_header(answer), answer.frame.frame_id)
 
 
 def ortho_info_cdr(answer: Georeferenced, camera: Camera | None) -> bytes:

@@ -23,7 +23,8 @@ METRICS_TOPIC = "metrics"
 RMSE_TOPIC, RMSD_TOPIC, DISPLACEMENT_TOPIC = "rmse_px", "rmsd", "displacement_px"
 # what georeferencing publishes
 ORTHO_TOPIC, ORTHO_INFO_TOPIC = "image_ortho", "ortho_info"
-POSE_TOPIC, ORIGIN_TOPIC, GCPS_TOPIC, STATUS_TOPIC = "pose", "origin", "gcps", "status"
+POSE_TOPIC, MOTION_TOPIC = "pose", "motion"
+ORIGIN_TOPIC, GCPS_TOPIC, STATUS_TOPIC = "origin", "gcps", "status"
 # what velocimetry publishes
 VELOCITY_TOPIC, VELOCITY_GRID_TOPIC = "velocity", "velocity_grid"
 MARKERS_TOPIC, IMAGE_VELOCITY_TOPIC = "markers", "image_velocity"
@@ -32,6 +33,7 @@ DISCHARGE_TOPIC = "discharge"
 # the same in every namespace
 DIAGNOSTICS_TOPIC = "/diagnostics"
 CLOCK_TOPIC = "/clock"
+TF_TOPIC, TF_STATIC_TOPIC = "/tf", "/tf_static"
 
 TRACKER_NAME, EVALUATOR_NAME, GEOREFERENCE_NAME = "tracker_node", "evaluator_node", "georeference_node"
 VELOCIMETRY_NAME = "velocimetry_node"

@@ -105,7 +105,8 @@ def georeference(job: Job, progress: Progress, compiling: Compiler = compile_ker
         result.duration_s = time.monotonic() - started_s
         of_level = () if result.first_ns is None or result.last_ns is None else recording.level_doubts(
             result.first_ns, result.last_ns)
-        result.warnings = (*outputs.warnings, *source.warnings, *recording.warnings, *of_level, *_said(source, result))
+        result.warnings = (*outputs.warnings, *outputs.bag.warnings, *source.warnings, *recording.warnings, *of_level,
+                           *_said(source, result))
     return result
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from stab_ros.georeferencing.control_points import ControlPoints
 from stab_ros.georeferencing.georeferencer import Georeferenced
@@ -17,19 +18,21 @@ from stab_ros.io.cdr import (
     MARKER_ARRAY,
     NAV_SAT_FIX,
     POSE_WITH_COVARIANCE_STAMPED,
+    TWIST_WITH_COVARIANCE_STAMPED,
 )
 from stab_ros.io.georeference_messages import (
     gcps_of_cdr,
     georeference_status_cdr,
-    map_header,
+    motion_cdr,
     origin_cdr,
     ortho_info_cdr,
+    pose_of_cdr,
 )
-from stab_ros.io.pose_message import pose_cdr
 from stab_ros.io.source import Picture, Source, namespace_of
 from stab_ros.io.topics import (
     GCPS_TOPIC,
     GEOREFERENCE_NAME,
+    MOTION_TOPIC,
     ORIGIN_TOPIC,
     ORTHO_INFO_TOPIC,
     ORTHO_TOPIC,
@@ -37,6 +40,7 @@ from stab_ros.io.topics import (
     STATUS_TOPIC,
     topic_in,
 )
+from stab_ros.jobs.camera_transforms import CameraTransforms
 from stab_ros.jobs.output_bag import OutputBag
 
 
@@ -47,6 +51,7 @@ class GeoreferenceTopics:
     image: str
     info: str
     pose: str
+    motion: str
     origin: str
     gcps: str
     status: str
@@ -57,12 +62,13 @@ class GeoreferenceTopics:
         node = topic_in(namespace, GEOREFERENCE_NAME)
         return GeoreferenceTopics(
             topic_in(namespace, ORTHO_TOPIC), topic_in(namespace, ORTHO_INFO_TOPIC),
-            *(topic_in(node, name) for name in (POSE_TOPIC, ORIGIN_TOPIC, GCPS_TOPIC, STATUS_TOPIC)))
+            *(topic_in(node, name) for name in (POSE_TOPIC, MOTION_TOPIC, ORIGIN_TOPIC, GCPS_TOPIC, STATUS_TOPIC)))
 
     @property
     def types(self) -> Mapping[str, str]:
         return {self.image: IMAGE, self.info: CAMERA_INFO, self.pose: POSE_WITH_COVARIANCE_STAMPED,
-                self.origin: NAV_SAT_FIX, self.gcps: MARKER_ARRAY, self.status: DIAGNOSTIC_ARRAY}
+                self.motion: TWIST_WITH_COVARIANCE_STAMPED, self.origin: NAV_SAT_FIX, self.gcps: MARKER_ARRAY,
+                self.status: DIAGNOSTIC_ARRAY}
 
 
 class GeoreferencedBag:
@@ -79,14 +85,23 @@ class GeoreferencedBag:
         self._origin_written = False
         self._rejected: tuple[str, ...] | None = None  # as the last message of control points showed it
         self._names = GeoreferenceTopics.of(namespace_of(source.topics[source.image_topic]))
-        types = {name: kind for name, kind in self._names.types.items() if with_image or name != self._names.image}
+        self._transforms = CameraTransforms(source)
+        types = {**self._names.types, **self._transforms.types}
+        if not with_image:
+            del types[self._names.image]
         self._bag = OutputBag(writer, source, types, keep_images=False)
 
     @property
     def replaced(self) -> list[str]:
         return self._bag.replaced
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was left out, one line each."""
+        return self._transforms.warnings
+
     def take_over(self, message: Message) -> None:
+        self._transforms.take_over(message)
         self._bag.take_over(message)
 
     def write_once(self, picture: Picture, answer: Georeferenced, origin: LocalFrame | None,
@@ -107,9 +122,9 @@ class GeoreferencedBag:
         """
         self._bag.write(picture, self._names.info, ortho_info_cdr(answer, camera))
         self._bag.write(picture, self._names.status, georeference_status_cdr(answer, self._orientation))
-        placement = answer.placement
-        if placement is not None and placement.pose is not None:
-            self._bag.write(picture, self._names.pose, pose_cdr(placement.pose, placement.pose_covariance,
-                                                                map_header(answer)))
-        if self.with_image and image is not None:
-            self._bag.write(picture, self._names.image, image)
+        told = {self._names.pose: pose_of_cdr(answer), self._names.motion: motion_cdr(answer),
+                self._names.image: image if self.with_image else None}
+        for name, data in told.items():
+            if data is not None:
+                self._bag.write(picture, name, data)
+        self._transforms.write(answer, partial(self._bag.write, picture))

@@ -31,7 +31,9 @@ CHANGEABLE = frozenset(GEOREFERENCE_PARAMETERS) - {"camera_file", "crs", "origin
 
 
 class GeoreferenceNode(PlacingNode):
-    """Publishes for every image where it lies on the water plane, and its orthophoto."""
+    """Publishes for every image where it lies on the water plane, how its camera moves, and its orthophoto."""
+
+    settings: GeoreferenceSettings
 
     def __init__(self, **options: Unpack[NodeOptions]) -> None:
         super().__init__("georeference_node", **options)
@@ -48,7 +50,7 @@ class GeoreferenceNode(PlacingNode):
         self._rejected: tuple[str, ...] | None = None  # control points, as the last message of them shows
         status = GeoreferenceStatus(config.orientation, round(self.settings.stale_s * SECOND_NS))
         self.begin(values, config, status, make_georeferencer, _tells_level(values, wse_m is not None))
-        self.outputs = GeoreferencePublishers(self, lossless=self.settings.queue_depth == 0)
+        self.outputs = GeoreferencePublishers(self, self.settings.queue_depth == 0, self.settings.publish_tf)
         self.at_cleanup(params.ParameterUpdates(self, GEOREFERENCE_PARAMETERS, self._change).close)
 
     def flush(self) -> None:

@@ -35,7 +35,7 @@ from stab_ros.nodes.sensor_inputs import SensorInputs
 from stab_ros.nodes.stamp_monitor import StampMonitor
 from stab_ros.nodes.stamp_pairing import Pair, StampPairing
 from stab_ros.nodes.throttled_warnings import ThrottledWarnings
-from stab_ros.parameters.node_settings import GeoreferenceSettings
+from stab_ros.parameters.node_settings import PlacingSettings
 
 _SENSORS = (FIX_TOPIC, "attitude")  # which frames wait for in the engine
 _LENS = ("the tracker does not remove the distortion of this lens, its homographies are not exact; start it with "
@@ -51,7 +51,7 @@ class PlacingNode(StabNode):
     """
 
     COMPUTES = True
-    settings: GeoreferenceSettings
+    settings: PlacingSettings
 
     def begin(self, values: Mapping[str, Value], config: GeoreferenceConfig, status: GeoreferenceStatus,
               make_engine: MakeEngine, level_given: bool) -> None:

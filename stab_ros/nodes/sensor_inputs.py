@@ -16,7 +16,7 @@ from stab_ros.io.fix_message import Fix, read_fix
 from stab_ros.io.topics import FIX_TOPIC, GIMBAL_TOPIC, IMU_TOPIC, WATER_LEVEL_TOPIC
 from stab_ros.io.water_level_message import NO_STAMP, WaterLevel, read_water_level
 from stab_ros.nodes.graph_subscription import GraphSubscription, TypedCallback
-from stab_ros.parameters.node_settings import GeoreferenceSettings
+from stab_ros.parameters.node_settings import PlacingSettings
 
 LEVEL_CLASSES = {"auto": (PointStamped, Float64), "Float64": (Float64,), "PointStamped": (PointStamped,)}
 _ATTITUDES = {GIMBAL_TOPIC: (QuaternionStamped, Imu), IMU_TOPIC: (Imu, QuaternionStamped)}
@@ -52,7 +52,7 @@ _S = TypeVar("_S", bound=_Sample)
 class SensorInputs:
     """Subscribes to position and water level, and to the attitude when asked to."""
 
-    def __init__(self, node: Node, settings: GeoreferenceSettings, callbacks: SensorCallbacks) -> None:
+    def __init__(self, node: Node, settings: PlacingSettings, callbacks: SensorCallbacks) -> None:
         self._node, self._settings, self._callbacks = node, settings, callbacks
         self._fix = GraphSubscription(node, FIX_TOPIC, [NavSatFix], self._on_fix)
         self.level = GraphSubscription(

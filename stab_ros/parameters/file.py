@@ -14,6 +14,7 @@ from stab_ros.parameters.node_settings import (
     COMPRESSED_PREFIX,
     DischargeSettings,
     EvaluatorSettings,
+    GeoreferenceSettings,
     TrackerSettings,
     VelocimetrySettings,
 )
@@ -33,7 +34,8 @@ _TABLES = {TRACKER: PARAMETERS, EVALUATOR: EVALUATOR_PARAMETERS, GEOREFERENCE: G
            VELOCIMETRY: VELOCITY_PARAMETERS, DISCHARGE: DISCHARGE_PARAMETERS}
 # parameters of the nodes themselves, which the engines do not have; the commands skip them
 _OF_THE_NODES = frozenset(
-    name for settings in (TrackerSettings, EvaluatorSettings, VelocimetrySettings, DischargeSettings)
+    name for settings in (TrackerSettings, EvaluatorSettings, GeoreferenceSettings, VelocimetrySettings,
+                          DischargeSettings)
     for name, _, _ in settings_of(settings))
 _OF_ROS, _QOS = "use_sim_time", "qos_overrides."
 _OF_ALL_NODES = ("/**", "/*")

@@ -79,8 +79,8 @@ class EvaluatorSettings(Checked):
 
 
 @dataclass(frozen=True)
-class GeoreferenceSettings(Checked):
-    """Settings of the georeference node."""
+class PlacingSettings(Checked):
+    """Settings of the nodes that place images on the water."""
 
     input: str = setting(
         "image_raw", "Images to georeference: image_raw, as taken, or image_stabilized, of the tracker",
@@ -118,8 +118,17 @@ class GeoreferenceSettings(Checked):
 
 
 @dataclass(frozen=True)
-class VelocimetrySettings(GeoreferenceSettings):
-    """Settings of the velocimetry node: those of the georeference node, as it takes the same inputs."""
+class GeoreferenceSettings(PlacingSettings):
+    """Settings of the georeference node."""
+
+    publish_tf: bool = setting(
+        False, "Whether to publish on /tf where the frame of the images is in the map; only if nobody else tells, as a "
+        "frame has one parent: robot_state_publisher or a static transform usually places that of a camera")
+
+
+@dataclass(frozen=True)
+class VelocimetrySettings(PlacingSettings):
+    """Settings of the velocimetry node: it takes the inputs of the georeference node."""
 
     input: str = setting(
         "image_raw", "Images to measure in: image_raw, as taken, or image_stabilized, of the tracker",

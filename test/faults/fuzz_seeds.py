@@ -59,6 +59,7 @@ from stab_ros.io.cdr import (
     NAV_SAT_FIX,
     POINT_STAMPED,
     QUATERNION_STAMPED,
+    TF_MESSAGE,
     Header,
 )
 from stab_ros.io.coded_message import CDR_DEFINITIONS
@@ -294,6 +295,16 @@ def water_levels() -> Iterator[bytes]:
     yield b"\1" + bytes(JAZZY.serialize_cdr(JAZZY.types[POINT_STAMPED](header=_HEADER, point=point), POINT_STAMPED))
 
 
+def transforms() -> Iterator[bytes]:
+    types = JAZZY.types
+    place = types["geometry_msgs/msg/Transform"](
+        translation=types["geometry_msgs/msg/Vector3"](x=1.0, y=2.0, z=46.0),
+        rotation=types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.6, z=0.0, w=0.8))
+    stamped = [types["geometry_msgs/msg/TransformStamped"](header=_HEADER, child_frame_id=name, transform=place)
+               for name in ("base_link", "cam")]
+    yield bytes(JAZZY.serialize_cdr(types[TF_MESSAGE](transforms=stamped), TF_MESSAGE))
+
+
 def subtitles() -> Iterator[bytes]:
     block = ("{}\n00:00:0{},040 --> 00:00:09,000\n<font size=\"28\">FrameCnt : 1, DiffTime : 40ms\n2022-08-07 "
              "12:00:0{},774,808\n[iso : 100] [latitude: 55.{}10009] [longtitude : -1.670001] "
@@ -437,7 +448,7 @@ SEEDS: dict[str, Callable[[], Iterator[bytes]]] = {
     "metadata": metadata_files, "points": points_tables, "point_list": point_lists, "polygons": polygons,
     "polygon_file": polygons, "mask": png_files, "static_map": png_files, "homographies": homography_tables,
     "velocities": velocity_tables, "velocity": velocities, "lines": line_lists,
-    "fix": fixes, "attitude": attitudes, "water_level": water_levels,
+    "fix": fixes, "attitude": attitudes, "water_level": water_levels, "transforms": transforms,
     "srt": subtitles, "pos": solutions, "table": tables,
     "section": section_tables, "gaugings": gauging_tables,
     "gcps": gcp_tables, "geojson": gcp_features, "camera_file": camera_files,

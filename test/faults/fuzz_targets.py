@@ -38,6 +38,7 @@ from stab_ros.io.static_maps import read_static_map
 from stab_ros.io.stored_image import stored_images
 from stab_ros.io.tiff_pages import DamagedTiffError
 from stab_ros.io.track_message import read_track
+from stab_ros.io.transform_message import read_children
 from stab_ros.io.velocity_csv import read_velocities
 from stab_ros.io.velocity_message import read_velocity
 from stab_ros.io.video import VideoFile
@@ -243,6 +244,7 @@ TARGETS: dict[str, Target] = {
     "fix": Target(_fix, 30),
     "attitude": Target(_attitude, 30),
     "water_level": Target(_water_level, 10),
+    "transforms": Target(read_children, 10),
     "srt": Target(_file("input.srt", _telemetry), 40, _SRT),
     "pos": Target(_file("input.pos", _telemetry), 40, _POS),
     "table": Target(_file("input.csv", _telemetry), 40, _TABLE),

@@ -49,7 +49,7 @@ def error_and_variance(seed: int, seen: BoolArray, calibrated: bool) -> tuple[Fl
     fit = fitted(1, seen, marks_px, survey_m, rng, first.view, TRACK_PX)
     tracking = np.broadcast_to(TRACK_PX**2 * np.eye(2), (8, 2, 2))
     errors = [all_shared(first.spread_on(0.0)[1]),
-              followed_error(first, fit, seen, tracking[seen], 0.0)]
+              followed_error(first, fit, seen, tracking[seen]).on_water(0.0)]
     off, change, own, alone = np.zeros(2), np.zeros((2, errors[0].shared.shape[1])), np.zeros(2), np.zeros(2)
     for sign, one, at, error in zip((-1, 1), (first, fit), (view(0), view(1)), errors, strict=True):
         H = one.map_H_image(0.0)[0]
@@ -72,7 +72,7 @@ def test_displacements_are_as_sure_as_said(seen: BoolArray, calibrated: bool) ->
 def test_of_one_view_all_but_tracking_is_shared() -> None:
     rng = np.random.default_rng(1)
     first = fitted(0, ALL, np.zeros((8, 2)), np.zeros((8, 3)), rng, view(0), 0.0)
-    error: PlaceError = followed_error(first, first, ALL, np.zeros((8, 2, 2)), 0.5)
+    error: PlaceError = followed_error(first, first, ALL, np.zeros((8, 2, 2))).on_water(0.5)
     scale = np.sqrt(np.diag(error.covariance))
     assert np.abs(error.own / np.outer(scale, scale)).max() < 1e-9
     whole = first.map_H_image(0.5)[1]

@@ -11,7 +11,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +38,7 @@ _PYTHON = GeneratePython("py", typesupport_implementations=["rosidl_typesupport_
 _LIBRARIES = [
     "rosidl_runtime_c", "rcutils", "rmw", "fastcdr", *_DISPATCHED, "rosidl_typesupport_c",
     "rosidl_typesupport_fastrtps_cpp",
-    *(f"builtin_interfaces__{kind}" for kind in (*_GENERATORS, "rosidl_generator_py")), "stdc++",
+    "stdc++",
 ]
 
 
@@ -48,10 +48,11 @@ def compiler() -> str | None:
     return shutil.which("gcc") if headers.is_file() and shutil.which("g++") else None
 
 
-def install_messages(prefix: Path, package: str, messages: Mapping[str, str], gcc: str) -> dict[str, str]:
+def install_messages(prefix: Path, package: str, messages: Mapping[str, str], gcc: str,
+                     uses: Sequence[str] = ()) -> dict[str, str]:
     """Makes what the package's users would build and source.
 
-    messages: text of each .msg file by the name of its type; of other packages they may use builtin_interfaces.
+    messages: text of each .msg file by the name of its type. uses: the packages they may use beside builtin_interfaces.
 
     Returns:
         What sourcing it adds to the environment.
@@ -59,7 +60,7 @@ def install_messages(prefix: Path, package: str, messages: Mapping[str, str], gc
     share, modules = prefix / "share" / package, prefix / "lib" / f"python{sys.version[:4]}" / "site-packages" / package
     _write_definitions(share, package, messages)
     _generate(share, package, [*messages], prefix / "build", modules)
-    _compile(prefix, package, modules, gcc)
+    _compile(prefix, package, modules, gcc, ("builtin_interfaces", *uses))
     return {"PYTHONPATH": str(modules.parent), "LD_LIBRARY_PATH": str(prefix / "lib"), "AMENT_PREFIX_PATH": str(prefix)}
 
 
@@ -88,17 +89,18 @@ def _generate(share: Path, package: str, names: list[str], build: Path, modules:
     (modules / "__init__.py").touch()
 
 
-def _compile(prefix: Path, package: str, modules: Path, gcc: str) -> None:
+def _compile(prefix: Path, package: str, modules: Path, gcc: str, uses: Sequence[str]) -> None:
     """The libraries of the generators, and of the rest the extension module that the messages' classes import."""
     own = [prefix / "build" / kind for kind in _GENERATORS]
     headers = [*own, ROS / "include", *(ROS / "include").iterdir(), sysconfig.get_path("include"), np.get_include()]
     module = modules / f"{package}_s__rosidl_typesupport_c{sysconfig.get_config_var('EXT_SUFFIX')}"
     outputs = {folder: prefix / "lib" / f"lib{package}__{folder.name}.so" for folder in own} | {modules: module}
+    theirs = [*_LIBRARIES, *(f"{one}__{kind}" for one in uses for kind in (*_GENERATORS, "rosidl_generator_py"))]
     libraries: list[str] = []
     for folder, output in outputs.items():
         words = [gcc, "-O0", "-w", "-shared", "-fPIC", "-o", str(output), *(f"-I{place}" for place in headers)]
         words += [str(path) for suffix in ("c", "cpp") for path in folder.rglob(f"*.{suffix}")]
-        words += [f"-L{prefix / 'lib'}", f"-L{ROS / 'lib'}", *(f"-l{name}" for name in (*libraries, *_LIBRARIES))]
+        words += [f"-L{prefix / 'lib'}", f"-L{ROS / 'lib'}", *(f"-l{name}" for name in (*libraries, *theirs))]
         done = subprocess.run(words, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
         libraries.append(output.stem.removeprefix("lib"))

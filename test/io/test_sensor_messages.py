@@ -2,30 +2,35 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, QuaternionStamped
+from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, QuaternionStamped, TwistWithCovarianceStamped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from message_makers import HEADER, complaint, damaged
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.typesys import Stores, get_typestore
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Imu, NavSatFix, NavSatStatus
 from std_msgs.msg import Float64
 from visualization_msgs.msg import Marker, MarkerArray
 
 from stab_ros.core.errors import MessageError
+from stab_ros.georeferencing.camera_twist import Twist
 from stab_ros.georeferencing.control_points import ControlPoints
 from stab_ros.imaging.pose import Pose
 from stab_ros.io.attitude_message import Attitude, imu_cdr, quaternion_cdr, read_attitude
-from stab_ros.io.cdr import FLOAT64, IMU, NAV_SAT_FIX, POINT_STAMPED, QUATERNION_STAMPED
+from stab_ros.io.cdr import FLOAT64, IMU, NAV_SAT_FIX, POINT_STAMPED, QUATERNION_STAMPED, TF_MESSAGE
 from stab_ros.io.fix_message import GBAS_FIX, UNKNOWN_STATUS, Fix, fix_cdr, read_fix
 from stab_ros.io.marker_message import gcps_cdr
 from stab_ros.io.pose_message import pose_cdr
+from stab_ros.io.transform_message import read_children, transform_cdr
+from stab_ros.io.twist_message import twist_cdr
 from stab_ros.io.water_level_message import read_water_level
 
 COVARIANCE = np.array([[4.0, 1, 0.5], [1, 9, -2], [0.5, -2, 16]])
@@ -162,6 +167,37 @@ def test_written_pose_is_read_by_ros() -> None:
     np.testing.assert_allclose(again.cam_R_map, pose.cam_R_map, atol=1e-15)
     np.testing.assert_array_equal(message.pose.covariance.reshape(6, 6), covariance)
     assert not deserialize_message(pose_cdr(pose, None, HEADER), PoseWithCovarianceStamped).pose.covariance.any()
+
+
+def test_a_written_twist_is_read_by_ros() -> None:
+    covariance = np.arange(36.0).reshape(6, 6)
+    twist = Twist(np.array([1.5, -2, 0.25]), np.array([0.1, 0.2, -0.3]), covariance)
+    message = deserialize_message(twist_cdr(twist, HEADER), TwistWithCovarianceStamped)
+    linear, angular = message.twist.twist.linear, message.twist.twist.angular
+    assert (linear.x, linear.y, linear.z, angular.x, angular.y, angular.z) == (1.5, -2, 0.25, 0.1, 0.2, -0.3)
+    assert message.header.frame_id == HEADER.frame_id
+    np.testing.assert_array_equal(message.twist.covariance.reshape(6, 6), covariance)
+
+
+def test_a_written_transform_takes_points_of_the_camera_to_the_map() -> None:
+    """As tf2 does with it: rotate, then translate; read by rosbags."""
+    pose = Pose.of_angles(np.array([1.5, -2.5, 46.0]), 0.3, 1.2, 0.1)
+    data, store = transform_cdr(pose, HEADER, "cam_optical"), get_typestore(Stores.ROS2_JAZZY)
+    message: Any = store.deserialize_cdr(data, TF_MESSAGE)
+    (stamped,) = message.transforms
+    q, place = stamped.transform.rotation, stamped.transform.translation
+    in_camera = np.array([[1.0, 2, 30], [-3, 0, 40]])
+    in_map = Rotation.from_quat([q.x, q.y, q.z, q.w]).apply(in_camera) + np.array([place.x, place.y, place.z])
+    np.testing.assert_allclose(pose.to_camera(in_map), in_camera, atol=1e-12)
+    assert (stamped.header.frame_id, stamped.child_frame_id) == (HEADER.frame_id, "cam_optical")
+    assert read_children(data) == {"cam_optical"}
+
+
+@given(data=damaged(transform_cdr(Pose.of_angles(np.array([1.5, -2.5, 46.0]), 0.3, 1.2, 0.1), HEADER, "cam_optical")))
+@settings(max_examples=50)
+def test_damaged_transforms_are_refused_or_read(data: bytes) -> None:
+    with contextlib.suppress(MessageError):
+        assert all(isinstance(one, str) for one in read_children(data))
 
 
 def test_written_markers_are_read_by_ros() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from conftest import Command
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped
+from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, TwistWithCovarianceStamped
 from georeferenced_stream import (
     NODE,
     GeoreferencedStream,
@@ -23,7 +23,7 @@ from georeferenced_stream import (
 )
 from live_graph import Graph, image_message, stamp_ns, values_of
 from rclpy.serialization import deserialize_message
-from recordings import Entry, entries, write_mcap
+from recordings import FRAME_ID, Entry, entries, write_mcap
 from recordings import camera_info as recorded_info
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Float64, String
@@ -34,7 +34,7 @@ from stab_ros.io.bag import open_bag
 from stab_ros.synthetic.flight import Shot
 
 NADIR: dict[str, Any] = {"orientation": "stationary_nadir", "height_m": 30.0}
-POSE = "georeference_node/pose"
+POSE, MOTION = "georeference_node/pose", "georeference_node/motion"
 MOVING: dict[str, Any] = {"orientation": "dynamic_stabilization", "height_m": 30.0}
 
 
@@ -93,13 +93,14 @@ def test_live_gives_what_the_command_gives(
     calibrated = [Entry("/cam/camera_info", "sensor_msgs/msg/CameraInfo", flight[0].stamp_ns, info)]
     flown = write_mcap(tmp_path / "flown.mcap", [*calibrated, *entries(flight)])
     types = {"ortho_info": CameraInfo, "image_ortho": Image, POSE: PoseWithCovarianceStamped,
-             "georeference_node/status": DiagnosticArray}
+             MOTION: TwistWithCovarianceStamped, "georeference_node/status": DiagnosticArray}
     heard = {topic: graph.listen(kind, f"/cam/{topic}") for topic, kind in types.items()}
     node = graph.start("georeference_node", "/cam", queue_depth=0, wait_for_subscribers=1, **settings)
     tracker = graph.start("tracker_node", "/cam", queue_depth=0, wait_for_subscribers=1, use_camera_info=True)
     player = graph.start("bag_player_node", bag=str(flown), wait_for_subscribers=2, rate=100.0)
     assert player.wait() == 0
-    graph.until(lambda: all(len(messages) == len(flight) for messages in heard.values()), "every frame answered")
+    stamps = {topic: [one.stamp_ns for one in flight[1 if topic == MOTION else 0:]] for topic in types}
+    graph.until(lambda: all(len(heard[topic]) == len(stamps[topic]) for topic in types), "every frame answered")
     assert (tracker.stop(), node.stop()) == (0, 0)
 
     given = [word for name, value in {**settings, "use_camera_info": True}.items()
@@ -110,11 +111,17 @@ def test_live_gives_what_the_command_gives(
         offline = {topic: [deserialize_message(message.data, kind) for message in bag.messages([f"/cam/{topic}"])]
                    for topic, kind in types.items()}
     for topic, messages in offline.items():
-        assert [stamp_ns(one) for one in messages] == [one.stamp_ns for one in flight]
+        assert [stamp_ns(one) for one in messages] == stamps[topic]
         for live, same in zip(heard[topic], messages, strict=True):
             assert numbers_of(live) == pytest.approx(numbers_of(same), rel=1e-9, abs=1e-9), topic
     for live, same in zip(heard[POSE], offline[POSE], strict=True):  # of numerical derivatives
         np.testing.assert_allclose(live.pose.covariance, same.pose.covariance, rtol=1e-5, atol=1e-9)
+    for live, same in zip(heard[MOTION], offline[MOTION], strict=True):
+        assert live.header.frame_id == same.header.frame_id == FRAME_ID
+        C = np.reshape(same.twist.covariance, (6, 6))
+        assert np.linalg.eigvalsh(C)[0] > 0
+        scale = np.sqrt(np.outer(np.diag(C), np.diag(C)))
+        assert (np.abs(np.reshape(live.twist.covariance, (6, 6)) - C) / scale).max() < 1e-5
     assert {values_of(one)["state"] for one in heard["georeference_node/status"]} == {"PLACED"}
 
 
@@ -126,6 +133,9 @@ def numbers_of(message: Any) -> list[float]:
         return [message.width, message.height, float(np.asarray(message.data, np.uint8) @ np.arange(len(message.data)))]
     if isinstance(message, DiagnosticArray):
         return [float(value) for value in values_of(message).values() if value.replace(".", "").isdecimal()]
+    if isinstance(message, TwistWithCovarianceStamped):
+        moved, turned = message.twist.twist.linear, message.twist.twist.angular
+        return [moved.x, moved.y, moved.z, turned.x, turned.y, turned.z]
     place, turn = message.pose.pose.position, message.pose.pose.orientation
     return [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
 

@@ -26,7 +26,8 @@ KEYS = {
     "ruamel": "python3-ruamel.yaml", "scipy": "python3-scipy",
     "tifffile": "python3-tifffile", "tqdm": "python3-tqdm", "yaml": "python3-yaml", "zstandard": "mcap-ros2-support",
 }
-BY_THE_WAY = {"ros2launch", "python3-rosbags-image-pip"}  # `ros2 launch`, and the part of `rosbags` of another package
+# `ros2 launch`, the part of `rosbags` of another package, and messages imported by name where installed
+BY_THE_WAY = {"ros2launch", "python3-rosbags-image-pip", "tf2_msgs"}
 DISTRIBUTIONS = {  # on PyPI, where they are not named as the module is
     "PIL": "pillow", "backports": "backports.zstd", "cv2": "opencv-contrib-python-headless",
     "importlinter": "import-linter", "ruamel": "ruamel.yaml", "yaml": "pyyaml", "catkin_pkg": "catkin-pkg",
