@@ -12,6 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from bag_makers import with_compressed
 from conftest import Command
 from recordings import IMAGE_TOPIC, Entry, compressed, entries, image, write_mcap
 from truth import IDENTITY, frame, picture, translation, unmoved
@@ -22,8 +23,7 @@ from stab_ros.evaluation.evaluator import Arrival, Evaluator
 from stab_ros.evaluation.frame_metrics import UNITS
 from stab_ros.evaluation.settings import EvaluatorConfig
 from stab_ros.io.bag import BagWriter, open_bag, topic_of
-from stab_ros.io.cdr import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, header_of
-from stab_ros.io.compressed_message import Codec, compressed_cdr
+from stab_ros.io.cdr import CAMERA_INFO, IMAGE, header_of
 from stab_ros.io.homography_message import homography_cdr, read_homography
 from stab_ros.io.image_message import image_cdr, read_image
 from stab_ros.synthetic.flight import Shot
@@ -115,25 +115,6 @@ def test_compressed_pictures_are_judged_as_raw_ones(replaced: tuple[str, ...], s
     assert [name.removesuffix("/compressed") for name, _ in found] == [IMAGE_TOPIC, STABILIZED]
     assert found[1][0] == f"{STABILIZED}/compressed"
     assert [figures for _, figures in found] == [figures for _, figures in expected]
-
-
-def with_compressed(source: Path, path: Path, replaced: tuple[str, ...], kept: tuple[str, ...] = ()) -> Path:
-    """The images of these topics as PNG, as compressed_image_transport writes them, beside those that are `kept`."""
-    with open_bag(source) as bag, BagWriter(path) as writer:
-        for name, topic in bag.topics.items():
-            if name not in replaced or name in kept:
-                writer.add_topic(topic)
-        for name in replaced:
-            writer.add_topic(topic_of(f"{name}/compressed", COMPRESSED_IMAGE))
-        for message in bag.messages():
-            times_ns = message.log_time_ns, message.log_time_ns
-            if message.topic not in replaced or message.topic in kept:
-                writer.write(message.topic, *times_ns, message.data)
-            if message.topic in replaced:
-                one = read_image(message.data, IMAGE)
-                cdr = compressed_cdr(one.image, one.encoding, header_of(one), Codec("png"))
-                writer.write(f"{message.topic}/compressed", *times_ns, cdr)
-    return path
 
 
 def test_of_pictures_recorded_in_two_ways_the_raw_ones_are_judged(stabilized: Path, command: Command,
