@@ -1,7 +1,7 @@
 """A process that subscribes to `image_stabilized/compressed`, as a viewer at the far end of a link does.
 
-python bench/one_viewer.py RELIABILITY    reliable or best_effort. Until SIGINT; prints as JSON, of every picture that came,
-[stamp, how late, bytes], in ns and ms.
+python bench/one_viewer.py RELIABILITY    reliable or best_effort. Until SIGINT; prints as JSON, of every picture that
+came, [stamp, how late, bytes], in ns and ms.
 """
 
 from __future__ import annotations

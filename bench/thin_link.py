@@ -1,7 +1,7 @@
 """`image_stabilized/compressed` over a link of 20 Mbit/s: how late pictures are at a viewer, and what the tracker does.
 
-python bench/thin_link.py [--seconds 20] [--mbit-s 20] [--queue-kb 1000]    As root. Camera, tracker and a follower of the
-homographies are on one host, the viewer is on another one.
+python bench/thin_link.py [--seconds 20] [--mbit-s 20] [--queue-kb 1000]    As root. Camera, tracker and a follower of
+the homographies are on one host, the viewer is on another one.
 """
 
 from __future__ import annotations

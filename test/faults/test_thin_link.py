@@ -1,4 +1,4 @@
-"""`image_stabilized/compressed` of 1080p at 30 Hz over a link of 20 Mbit/s, which takes one or two pictures a second."""
+"""`image_stabilized/compressed` of 1080p at 30 Hz over a link of 20 Mbit/s, which takes one or two a second."""
 
 from __future__ import annotations
 

@@ -147,6 +147,10 @@ class Node:
     output: str = "log"
 
 
+class LaunchContext:
+    """In annotations only; here a context is the arguments."""
+
+
 @dataclass
 class LaunchDescription:
     """All actions, in their order."""
@@ -155,7 +159,7 @@ class LaunchDescription:
 
 
 _MODULES: Mapping[str, Sequence[type]] = {
-    "launch": [LaunchDescription],
+    "launch": [LaunchContext, LaunchDescription],
     "launch.actions": [DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction],
     "launch.conditions": [IfCondition],
     "launch.substitutions": [LaunchConfiguration, PathJoinSubstitution, PythonExpression],
