@@ -193,6 +193,11 @@ def started(file: Path, **given: str) -> list[StartedNode]:
     return [node for one in description.entities for node in _nodes_of(one, arguments)]
 
 
+def described_arguments(file: Path) -> dict[str, str]:
+    """The description of each argument that a launch file declares."""
+    return {one.name: one.description for one in _described(file).entities if isinstance(one, DeclareLaunchArgument)}
+
+
 def _described(file: Path) -> LaunchDescription:
     modules = {}
     for name, classes in _MODULES.items():
