@@ -13,19 +13,24 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
+from stab_ros.launch_arguments import (
+    TOPICS,
+    config_argument,
+    list_arguments,
+    namespace_argument,
+    remapped,
+    topic_arguments,
+)
 
-_TOPICS = {"image": "image_raw", "camera_info": "camera_info", "fix": "fix", "imu": "imu", "gimbal": "gimbal",
-           "water_level": "water_level"}
 # an included file sets its arguments in the file that includes it, so that they have the same names in both
 _LISTS = {"roi": "Region in which velocities are wanted", "exclude": "Region to leave out", "lines": "Lines of stiv"}
-_OF_VELOCIMETRY = ("namespace", "config", "tracker_config", *_TOPICS, *_LISTS)
+_OF_VELOCIMETRY = ("namespace", "config", "tracker_config", *TOPICS, *_LISTS)
 
 
 def generate_launch_description() -> LaunchDescription:
     """`velocimetry.launch.py`, and a third node in the same namespace that takes its velocities."""
-    share = FindPackageShare("stab_ros")
     velocimetry = IncludeLaunchDescription(
-        PathJoinSubstitution([share, "launch", "velocimetry.launch.py"]),
+        PathJoinSubstitution([FindPackageShare("stab_ros"), "launch", "velocimetry.launch.py"]),
         launch_arguments={name: LaunchConfiguration(name) for name in _OF_VELOCIMETRY}.items(),
     )
     discharge = Node(
@@ -36,21 +41,17 @@ def generate_launch_description() -> LaunchDescription:
             LaunchConfiguration("discharge_config"),
             {"section_file": ParameterValue(LaunchConfiguration("section"), value_type=str)},
         ],
-        remappings=[("water_level", LaunchConfiguration("water_level"))],
+        remappings=remapped(("water_level",)),
         output="screen",
     )
-    configs = {"config": ("velocimetry.yaml", "velocimetry"), "discharge_config": ("discharge.yaml", "discharge"),
-               "tracker_config": ("tracker.yaml", "the tracker")}
     return LaunchDescription([
         DeclareLaunchArgument("section", description="Cross-section: X,Y,Z or X,Y,depth in the map"),
-        DeclareLaunchArgument("namespace", default_value="/camera", description="Namespace of the camera"),
-        *(DeclareLaunchArgument(name, default_value=PathJoinSubstitution([share, "config", file]),
-                                description=f"Parameter file of {node}")
-          for name, (file, node) in configs.items()),
-        *(DeclareLaunchArgument(name, default_value=topic, description=f"Topic in place of {topic}")
-          for name, topic in _TOPICS.items()),
-        *(DeclareLaunchArgument(name, default_value="", description=f"{meaning}, as in velocimetry.launch.py")
-          for name, meaning in _LISTS.items()),
+        namespace_argument(),
+        config_argument("config", "velocimetry.yaml", "velocimetry"),
+        config_argument("discharge_config", "discharge.yaml", "discharge"),
+        config_argument("tracker_config", "tracker.yaml", "the tracker"),
+        *topic_arguments(),
+        *list_arguments(_LISTS, ", as in velocimetry.launch.py"),
         velocimetry,
         discharge,
     ])

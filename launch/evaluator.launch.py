@@ -5,26 +5,23 @@ ros2 launch stab_ros evaluator.launch.py namespace:=/camera [config:=my.yaml] [i
 """
 
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
-from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
+from stab_ros.launch_arguments import config_argument, given_lists, list_arguments, namespace_argument
 
 _REGIONS = {"roi": "Region to measure in", "exclude": "Region to ignore, for example the water"}
-_FORMS = "[[[x, y], ...], ...] in reference pixels, a .json or a PNG mask; none: that of config"
+_FORMS = ": [[[x, y], ...], ...] in reference pixels, a .json or a PNG mask; none: that of config"
 
 
 def _evaluator(context):
     """The node, in the camera's namespace; regions that were given take the place of those in `config`."""
-    given = {name: LaunchConfiguration(name).perform(context) for name in _REGIONS}
-    regions = {name: ParameterValue(text, value_type=str) for name, text in given.items() if text}
     return [Node(
         package="stab_ros",
         executable="evaluator_node",
         namespace=LaunchConfiguration("namespace"),
-        parameters=[LaunchConfiguration("config"), *([regions] if regions else [])],
+        parameters=[LaunchConfiguration("config"), *given_lists(context, _REGIONS)],
         remappings=[("image_stabilized", LaunchConfiguration("image"))],
         output="screen",
     )]
@@ -32,12 +29,10 @@ def _evaluator(context):
 
 def generate_launch_description() -> LaunchDescription:
     """One node, in the camera's namespace."""
-    config = PathJoinSubstitution([FindPackageShare("stab_ros"), "config", "evaluator.yaml"])
     return LaunchDescription([
-        DeclareLaunchArgument("namespace", default_value="/camera", description="Namespace of the camera"),
+        namespace_argument(),
         DeclareLaunchArgument("image", default_value="image_stabilized", description="Topic of the stabilised images"),
-        DeclareLaunchArgument("config", default_value=config, description="Parameter file of the evaluator"),
-        *(DeclareLaunchArgument(name, default_value="", description=f"{meaning}: {_FORMS}")
-          for name, meaning in _REGIONS.items()),
+        config_argument("config", "evaluator.yaml", "the evaluator"),
+        *list_arguments(_REGIONS, _FORMS),
         OpaqueFunction(function=_evaluator),
     ])

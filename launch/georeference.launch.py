@@ -4,44 +4,28 @@ ros2 launch stab_ros georeference.launch.py namespace:=/camera config:=my.yaml [
     [fix:=/mavros/global_position/global] [imu:=/mavros/imu/data] [gimbal:=/gimbal/attitude] [water_level:=/gauge/level]
 """
 
-from launch.actions import DeclareLaunchArgument
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
-
-_TOPICS = {"image": "image_raw", "camera_info": "camera_info", "fix": "fix", "imu": "imu", "gimbal": "gimbal",
-           "water_level": "water_level"}
+from stab_ros.launch_arguments import calibrated_tracker, config_argument, namespace_argument, remapped, topic_arguments
 
 
 def generate_launch_description() -> LaunchDescription:
     """Two nodes, in the camera's namespace: the homographies of the first one go to the second."""
-    config = PathJoinSubstitution([FindPackageShare("stab_ros"), "config", "georeference.yaml"])
-    tracker = Node(
-        package="stab_ros",
-        executable="tracker_node",
-        namespace=LaunchConfiguration("namespace"),
-        parameters=[{"use_camera_info": True}, LaunchConfiguration("tracker_config")],
-        remappings=[(_TOPICS[name], LaunchConfiguration(name)) for name in ("image", "camera_info")],
-        output="screen",
-    )
     georeference = Node(
         package="stab_ros",
         executable="georeference_node",
         namespace=LaunchConfiguration("namespace"),
         parameters=[LaunchConfiguration("config")],
-        remappings=[(topic, LaunchConfiguration(name)) for name, topic in _TOPICS.items()],
+        remappings=remapped(),
         output="screen",
     )
-    tracker_config = PathJoinSubstitution([FindPackageShare("stab_ros"), "config", "tracker.yaml"])
     return LaunchDescription([
-        DeclareLaunchArgument("namespace", default_value="/camera", description="Namespace of the camera"),
-        DeclareLaunchArgument("config", default_value=config, description="Parameter file of georeferencing"),
-        DeclareLaunchArgument("tracker_config", default_value=tracker_config,
-                              description="Parameter file of the tracker"),
-        *(DeclareLaunchArgument(name, default_value=topic, description=f"Topic in place of {topic}")
-          for name, topic in _TOPICS.items()),
-        tracker,
+        namespace_argument(),
+        config_argument("config", "georeference.yaml", "georeferencing"),
+        config_argument("tracker_config", "tracker.yaml", "the tracker"),
+        *topic_arguments(),
+        calibrated_tracker(),
         georeference,
     ])

@@ -5,26 +5,23 @@ ros2 launch stab_ros tracker.launch.py namespace:=/camera [config:=my.yaml] [ima
 """
 
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
-from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
+from stab_ros.launch_arguments import config_argument, given_lists, list_arguments, namespace_argument
 
 _REGIONS = {"roi": "Region of static ground", "exclude": "Region to ignore, for example the water"}
-_FORMS = "[[[x, y], ...], ...] in reference pixels, a .json or a PNG mask; none: that of config"
+_FORMS = ": [[[x, y], ...], ...] in reference pixels, a .json or a PNG mask; none: that of config"
 
 
 def _tracker(context):
     """The node, in the camera's namespace; regions that were given take the place of those in `config`."""
-    given = {name: LaunchConfiguration(name).perform(context) for name in _REGIONS}
-    regions = {name: ParameterValue(text, value_type=str) for name, text in given.items() if text}
     return [Node(
         package="stab_ros",
         executable="tracker_node",
         namespace=LaunchConfiguration("namespace"),
-        parameters=[LaunchConfiguration("config"), *([regions] if regions else [])],
+        parameters=[LaunchConfiguration("config"), *given_lists(context, _REGIONS)],
         remappings=[("image_raw", LaunchConfiguration("image"))],
         output="screen",
     )]
@@ -32,12 +29,10 @@ def _tracker(context):
 
 def generate_launch_description() -> LaunchDescription:
     """One node, in the camera's namespace."""
-    config = PathJoinSubstitution([FindPackageShare("stab_ros"), "config", "tracker.yaml"])
     return LaunchDescription([
-        DeclareLaunchArgument("namespace", default_value="/camera", description="Namespace of the camera"),
+        namespace_argument(),
         DeclareLaunchArgument("image", default_value="image_raw", description="Image topic of the camera"),
-        DeclareLaunchArgument("config", default_value=config, description="Parameter file of the tracker"),
-        *(DeclareLaunchArgument(name, default_value="", description=f"{meaning}: {_FORMS}")
-          for name, meaning in _REGIONS.items()),
+        config_argument("config", "tracker.yaml", "the tracker"),
+        *list_arguments(_REGIONS, _FORMS),
         OpaqueFunction(function=_tracker),
     ])

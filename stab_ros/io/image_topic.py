@@ -27,6 +27,7 @@ from stab_ros.io.decoded_image import decoded_frame
 from stab_ros.io.encodings import decode_image
 from stab_ros.io.image_message import IMAGE_TYPES, frame_of
 from stab_ros.io.protobuf import bytes_field
+from stab_ros.io.topics import STABILIZED_TOPIC
 from stab_ros.io.video_decoder import decoder_of
 
 _READABLE = frozenset({*((name, "cdr") for name in (*IMAGE_TYPES, *CDR_DEFINITIONS)),
@@ -109,10 +110,20 @@ def namespace_of(topic: Topic) -> str:
 
     ROS knows no slash at the end of a name, nor two in a row, but recordings have them.
     """
+    return _base_of(topic).rpartition("/")[0].rstrip("/")
+
+
+def is_stabilized(topic: Topic) -> bool:
+    """Whether it holds the tracker's pictures: `/ns/image_stabilized`, or the same by another image_transport."""
+    return _base_of(topic).rpartition("/")[2] == STABILIZED_TOPIC
+
+
+def _base_of(topic: Topic) -> str:
+    """The name of the raw images, which image_transport's plugins append theirs to."""
     base = topic.name.rstrip("/")
     for ending in _TRANSPORTS.get(topic.msgtype, ()):
         base = base.removesuffix(ending)
-    return base.rpartition("/")[0].rstrip("/")
+    return base
 
 
 def no_images(name: str, topics: Mapping[str, Topic]) -> InputError:

@@ -13,7 +13,7 @@ from stab_ros.imaging.camera import Camera
 from stab_ros.io.bag import Extra, Message, Topic, open_bag
 from stab_ros.io.bag_source import REFERENCE_IMAGE, SINGLE_IMAGES, STATIC_MAP, BagSource
 from stab_ros.io.image_folder import ImageFolder
-from stab_ros.io.image_topic import holds_images, namespace_of, no_images
+from stab_ros.io.image_topic import holds_images, is_stabilized, namespace_of, no_images
 from stab_ros.io.input_kind import Kind, kind_of
 from stab_ros.io.picture import Clock, Picture
 from stab_ros.io.video import VideoFile
@@ -21,7 +21,8 @@ from stab_ros.io.video_source import PICTURE_TOPIC, VideoSource
 
 __all__ = [
     "PICTURE_TOPIC", "REFERENCE_IMAGE", "SINGLE_IMAGES", "STATIC_MAP", "BagSource", "Clock", "Kind", "Picture",
-    "Source", "VideoSource", "holds_images", "kind_of", "namespace_of", "no_images", "open_source", "read_again",
+    "Source", "VideoSource", "holds_images", "is_stabilized", "kind_of", "namespace_of", "no_images", "open_source",
+    "read_again",
 ]
 
 

@@ -19,12 +19,13 @@ from stab_ros.io.source import (
     Kind,
     Source,
     holds_images,
+    is_stabilized,
     kind_of,
     namespace_of,
     no_images,
     open_source,
 )
-from stab_ros.io.topics import HOMOGRAPHY_TOPIC, RAW_COMPRESSED_TOPIC, RAW_TOPIC, STABILIZED_TOPIC, topic_in
+from stab_ros.io.topics import HOMOGRAPHY_TOPIC, RAW_COMPRESSED_TOPIC, RAW_TOPIC, topic_in
 from stab_ros.jobs.log_stamps import LogStamps
 
 _RAW = (RAW_TOPIC, RAW_COMPRESSED_TOPIC)
@@ -67,9 +68,10 @@ def open_streams(path: Path, image_topics: Sequence[str], fps: float | None,
 
 def _stream(source: BagSource) -> ImageStream:
     """A stream with its topics; only a stabilised one has homographies and a reference."""
-    namespace = namespace_of(source.topics[source.image_topic])
-    if source.image_topic != topic_in(namespace, STABILIZED_TOPIC):
+    images = source.topics[source.image_topic]
+    if not is_stabilized(images):
         return ImageStream(source)
+    namespace = namespace_of(images)
     homography = source.topics.get(topic_in(namespace, HOMOGRAPHY_TOPIC))
     known = homography is not None and homography.msgtype == CAMERA_INFO and homography.count
     references = [topic.name for topic in source.topics.values() if topic.msgtype == IMAGE
@@ -102,14 +104,18 @@ def choose_topics(name: str, topics: Mapping[str, Topic], wanted: Sequence[str])
 
 
 def _raw_and_stabilized(filled: Sequence[Topic]) -> list[str] | None:
-    """The raw and the stabilised topic of the only stabilised camera; None if the choice is ambiguous."""
-    stabilized = [topic.name for topic in filled if topic.name.endswith(f"/{STABILIZED_TOPIC}")]
-    if len(stabilized) != 1:
+    """The raw and the stabilised topic of the only stabilised camera; None if the choice is ambiguous.
+
+    filled: in the order of their names, so that of pictures recorded in two ways the uncompressed ones are taken.
+    """
+    stabilized = [topic for topic in filled if is_stabilized(topic)]
+    namespaces = {namespace_of(topic) for topic in stabilized}
+    if len(namespaces) != 1:
         return None
-    namespace = stabilized[0].removesuffix(f"/{STABILIZED_TOPIC}")
-    raw = [topic.name for topic in filled if _is_raw(topic, namespace)]
+    namespace = namespaces.pop()
+    raw = [topic.name for topic in filled if topic not in stabilized and _is_raw(topic, namespace)]
     strangers = [topic for topic in filled if not topic.name.startswith(f"{namespace}/")]
-    return None if strangers else [*raw[:1], *stabilized]
+    return None if strangers else [*raw[:1], stabilized[0].name]
 
 
 def _is_raw(topic: Topic, namespace: str) -> bool:

@@ -18,8 +18,8 @@ from stab_ros.georeferencing.settings import GeoreferenceConfig, needs_level, ne
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.cdr import CAMERA_INFO
 from stab_ros.io.sensors import Sensors, read_sensors
-from stab_ros.io.source import Clock, Kind, Source, kind_of, namespace_of, read_again
-from stab_ros.io.topics import CAMERA_INFO_TOPIC, STABILIZED_TOPIC, topic_in
+from stab_ros.io.source import Clock, Kind, Source, is_stabilized, kind_of, namespace_of, read_again
+from stab_ros.io.topics import CAMERA_INFO_TOPIC, topic_in
 from stab_ros.jobs.motions import (
     MotionOf,
     RecordedMotions,
@@ -145,15 +145,15 @@ def prepared(job: Placed, source: Source, config: GeoreferenceConfig | None = No
         InputError: something is missing.
     """
     config = georeference_config(job.values) if config is None else config
-    namespace = namespace_of(source.topics[source.image_topic])
+    images = source.topics[source.image_topic]
+    namespace = namespace_of(images)
     recorded = read_motions(job.source, namespace, source.topics) if kind_of(job.source) is Kind.BAG else None
     sensors = _sensors_of(job, config)
-    stabilised = source.image_topic == topic_in(namespace, STABILIZED_TOPIC)
     damaged = 0 if recorded is None else recorded.damaged
     lost = f"{source.name}: {counted(damaged, 'message')} of homographies cannot be read, their frames are lost"
     warnings = (*((lost,) if damaged else ()), *(() if sensors is None else sensors.warnings))
     needs = (needs_motion(config), needs_level(config))
-    if stabilised:
+    if is_stabilized(images):
         recorded = check_homographies(job.source, recorded)
         return Recording(job, source.name, *needs, recorded.camera, recorded.image_H_ref, recorded, sensors, warnings)
     camera = None if job.values.get("camera_file") else _camera_of(source, namespace)

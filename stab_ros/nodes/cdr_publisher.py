@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import time
+from functools import partial
 from typing import Any
 
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from stab_ros.nodes.managed_node import StabNode
+from stab_ros.nodes.own_participant import OwnParticipant
 from stab_ros.nodes.qos import publisher_events
-from stab_ros.nodes.qos_overrides import overridden
+from stab_ros.nodes.qos_overrides import declare_overrides, overridden
+from stab_ros.nodes.unlocked_publish import publish_unlocked
 
 _STEP = Duration(nanoseconds=100_000_000)
+_LOOK_S = 0.01
 _PATIENCE = 300  # steps without an acknowledgement: DDS itself drops a process that was killed or stopped after 20 s
 
 
@@ -20,14 +25,22 @@ class CdrPublisher:
 
     lossless: before the history of a KEEP_LAST publisher would overwrite a message that a RELIABLE subscriber has not
     acknowledged yet, `send` waits for it.
+    participant: to publish in, so that a slow link holds up nothing else; `send` is for a thread of its own then.
     """
 
-    def __init__(self, node: StabNode, msg_class: Any, topic: str, qos: QoSProfile, lossless: bool = False) -> None:
+    def __init__(self, node: StabNode, msg_class: Any, topic: str, qos: QoSProfile, lossless: bool = False,
+                 participant: OwnParticipant | None = None) -> None:
         self._node = node
         full_name = node.resolve_topic_name(topic)
         self._qos, overriding = overridden(node, "publisher", full_name, qos)
-        self._publisher = node.create_publisher(msg_class, topic, self._qos, qos_overriding_options=overriding,
-                                                event_callbacks=publisher_events(node, full_name))
+        events = publisher_events(node, full_name)
+        if participant is None:
+            self._publisher = node.create_publisher(msg_class, topic, self._qos, event_callbacks=events,
+                                                    qos_overriding_options=overriding)
+        else:
+            declare_overrides(node, "publisher", full_name, self._qos, overriding.policy_kinds)
+            self._publisher = participant.node.create_publisher(msg_class, full_name, self._qos, event_callbacks=events)
+        self._publish = self._publisher.publish if participant is None else partial(publish_unlocked, self._publisher)
         self._lossless = lossless
         self._pending = 0  # upper bound of the messages that are not acknowledged
         self._hung_subscribers = 0  # number of subscribers when `flush` gave up on them
@@ -54,8 +67,18 @@ class CdrPublisher:
     def send(self, data: bytes) -> None:
         if self._lossless and self._pending >= self._qos.depth:
             self.flush()
-        self._publisher.publish(data)
+        self._publish(data)
         self._pending += 1
+
+    def wait_until_taken(self, timeout_s: float) -> None:
+        """Waits until every RELIABLE subscriber has acknowledged every message, no longer than that.
+
+        It asks again and again, as rclpy keeps the interpreter's lock while it waits.
+        """
+        for _ in range(round(timeout_s / _LOOK_S)):
+            if self._publisher.wait_for_all_acked(Duration()) or self._node.stop.requested:
+                return
+            time.sleep(_LOOK_S)
 
     def flush(self) -> None:
         """Waits until every RELIABLE subscriber has acknowledged every message, or hangs."""

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import copy
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Literal, TypeAlias
 
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import (
@@ -90,6 +91,23 @@ def overridden(node: Node, entity: Entity, topic: str, qos: QoSProfile) -> tuple
         if not _is_used(node, name):
             node.undeclare_parameter(name)  # for rclpy to declare it anew, with a description
     return chosen, QoSOverridingOptions([_POLICIES[policy] for policy in dict.fromkeys((*_SHOWN[entity], *given))])
+
+
+def declare_overrides(node: Node, entity: Entity, topic: str, qos: QoSProfile, kinds: Iterable[QoSPolicyKind]) -> None:
+    """Shows the quality of service of what another node publishes or subscribes for this one, as rclpy does."""
+    for kind in kinds:
+        name = f"{PREFIX}{topic}.{entity}.{kind.name.lower()}"
+        if not node.has_parameter(name):
+            text = f"{kind.name.lower()} for {entity} `{topic}`"
+            node.declare_parameter(name, _value(qos, kind), ParameterDescriptor(description=text, read_only=True))
+
+
+def _value(qos: QoSProfile, kind: QoSPolicyKind) -> Value:
+    """As a parameter tells it."""
+    found = getattr(qos, kind.name.lower())
+    if kind in _ENUMS:
+        return str(found.short_key)
+    return int(found.nanoseconds) if kind in _DURATIONS else int(found)
 
 
 def _meant(name: str) -> str:

@@ -34,8 +34,9 @@ class StabilizedPictures:
         return self._image.subscribers + self._info.subscribers + self.compressed.subscribers
 
     def refresh(self) -> None:
-        """Looks for the camera while somebody wants to know it; to be called periodically."""
+        """Looks for the camera while somebody wants to know it, and at subscribers; to be called periodically."""
         self._camera.refresh(wanted=self._info.subscribers > 0)
+        self.compressed.refresh()
 
     def send(self, frame: Frame, track: Track, stabilizer: Stabilizer) -> None:
         showing = stabilizer.showing(track)

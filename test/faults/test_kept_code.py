@@ -13,7 +13,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ailing import needs_root, run
+from ailing import needs_root
+from two_hosts import run
 
 import stab_ros
 import stab_ros.parameters.engines  # all kernels

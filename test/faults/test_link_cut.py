@@ -9,19 +9,20 @@ import sys
 import time
 from pathlib import Path
 
-from ailing import needs_root, plug, two_hosts
+from ailing import needs_links
 from live_graph import graph_in, image_message, next_domain
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image
 from stream import TrackedStream
 from truth import picture, translation
+from two_hosts import plug, two_hosts
 
 CUT_S, RATE_HZ = 10.0, 10.0
 CAMERA = "--camera"
 HELPERS = Path(__file__).parents[1] / "helpers"
 
 
-@needs_root
+@needs_links
 def test_the_stream_resumes_and_the_gap_is_told(tmp_path: Path) -> None:
     """This file again as two programs: a camera on one host; tracker and who listens to it on the other."""
     name = f"stab{os.getpid() % 10000}"

@@ -13,8 +13,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.msg import denormalize_msgtype
 
 from stab_ros.io.bag import BagWriter, Message, Topic, open_bag, topic_of
-from stab_ros.io.cdr import CAMERA_INFO, IMAGE, Header
-from stab_ros.io.image_message import image_cdr
+from stab_ros.io.cdr import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, Header, header_of
+from stab_ros.io.compressed_message import Codec, compressed_cdr
+from stab_ros.io.image_message import image_cdr, read_image
 
 START_NS = 1_700_000_000_000_000_000
 FOREVER = "{sec: 9223372036, nsec: 854775807}"
@@ -166,4 +167,23 @@ def by_mcap_ros1(path: Path, spoil: bytes = b"", definition: bytes = b"", **opti
             if spoil:
                 writer.add_message(channel, START_NS + 10 + number, spoil, START_NS + 10 + number)
         writer.finish()
+    return path
+
+
+def with_compressed(source: Path, path: Path, replaced: tuple[str, ...], kept: tuple[str, ...] = ()) -> Path:
+    """The images of these topics as PNG, as compressed_image_transport writes them, beside those that are `kept`."""
+    with open_bag(source) as bag, BagWriter(path) as writer:
+        for name, topic in bag.topics.items():
+            if name not in replaced or name in kept:
+                writer.add_topic(topic)
+        for name in replaced:
+            writer.add_topic(topic_of(f"{name}/compressed", COMPRESSED_IMAGE))
+        for message in bag.messages():
+            times_ns = message.log_time_ns, message.log_time_ns
+            if message.topic not in replaced or message.topic in kept:
+                writer.write(message.topic, *times_ns, message.data)
+            if message.topic in replaced:
+                one = read_image(message.data, IMAGE)
+                cdr = compressed_cdr(one.image, one.encoding, header_of(one), Codec("png"))
+                writer.write(f"{message.topic}/compressed", *times_ns, cdr)
     return path

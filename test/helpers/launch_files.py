@@ -147,6 +147,10 @@ class Node:
     output: str = "log"
 
 
+class LaunchContext:
+    """In annotations only; here a context is the arguments."""
+
+
 @dataclass
 class LaunchDescription:
     """All actions, in their order."""
@@ -155,7 +159,7 @@ class LaunchDescription:
 
 
 _MODULES: Mapping[str, Sequence[type]] = {
-    "launch": [LaunchDescription],
+    "launch": [LaunchContext, LaunchDescription],
     "launch.actions": [DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction],
     "launch.conditions": [IfCondition],
     "launch.substitutions": [LaunchConfiguration, PathJoinSubstitution, PythonExpression],
@@ -187,6 +191,11 @@ def started(file: Path, **given: str) -> list[StartedNode]:
     if given.keys() - arguments.keys():
         raise ValueError(f"{file.name} has no argument {', '.join(given.keys() - arguments.keys())}")
     return [node for one in description.entities for node in _nodes_of(one, arguments)]
+
+
+def described_arguments(file: Path) -> dict[str, str]:
+    """The description of each argument that a launch file declares."""
+    return {one.name: one.description for one in _described(file).entities if isinstance(one, DeclareLaunchArgument)}
 
 
 def _described(file: Path) -> LaunchDescription:

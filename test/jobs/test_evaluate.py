@@ -12,6 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from bag_makers import with_compressed
 from conftest import Command
 from recordings import IMAGE_TOPIC, Entry, compressed, entries, image, write_mcap
 from truth import IDENTITY, frame, picture, translation, unmoved
@@ -103,6 +104,23 @@ def test_homographies_that_were_recorded_late_find_their_pictures(stabilized: Pa
             for path in (stabilized, late)]
     assert rows[0] == rows[1]
     assert len(rows[1]) == 10
+
+
+@pytest.mark.parametrize("replaced", [(STABILIZED,), (IMAGE_TOPIC, STABILIZED)])
+def test_compressed_pictures_are_judged_as_raw_ones(replaced: tuple[str, ...], stabilized: Path, command: Command,
+                                                    tmp_path: Path) -> None:
+    """As a recorder on the far side of a thin link keeps them; PNG, so that the figures are the same."""
+    small = with_compressed(stabilized, tmp_path / "small.mcap", replaced)
+    found, expected = (list(evaluated(command, path)[0]["topics"].items()) for path in (small, stabilized))
+    assert [name.removesuffix("/compressed") for name, _ in found] == [IMAGE_TOPIC, STABILIZED]
+    assert found[1][0] == f"{STABILIZED}/compressed"
+    assert [figures for _, figures in found] == [figures for _, figures in expected]
+
+
+def test_of_pictures_recorded_in_two_ways_the_raw_ones_are_judged(stabilized: Path, command: Command,
+                                                                  tmp_path: Path) -> None:
+    both = with_compressed(stabilized, tmp_path / "both.mcap", (STABILIZED,), kept=(STABILIZED,))
+    assert list(evaluated(command, both, "--limit", 3)[0]["topics"]) == [IMAGE_TOPIC, STABILIZED]
 
 
 def test_statistics_are_those_of_the_frames(stabilized: Path, command: Command) -> None:

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 import rasterio
+from bag_makers import with_compressed
 
 from stab_ros.cli import main
 from stab_ros.core.geometry import apply, grid, normalized
@@ -82,9 +83,12 @@ def test_geotiffs_show_the_orthophotos_of_first_and_last_frames(georeferenced: P
             assert found.res == pytest.approx((float(found.res[0]), float(found.res[0])))
 
 
-def test_a_stabilised_recording_gives_the_same_places(georeferenced: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("compressed", [False, True])
+def test_a_stabilised_recording_gives_the_same_places(compressed: bool, georeferenced: Path, tmp_path: Path) -> None:
     stabilised, output = tmp_path / "s.mcap", tmp_path / "o.mcap"
     assert main(["stabilize", str(SAMPLE), str(stabilised), "--limit", str(FRAMES)]) == 0
+    if compressed:
+        stabilised = with_compressed(stabilised, tmp_path / "small.mcap", ("/camera/image_stabilized",))
     assert main(["georeference", str(stabilised), str(output), *SCALE, "--homographies", str(tmp_path / "h.csv")]) == 0
     for ours, theirs in zip(read_homographies(georeferenced / "h.csv"), read_homographies(tmp_path / "h.csv"),
                             strict=True):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from importlib.metadata import entry_points
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from georeferenced_stream import camera_info, shot
-from launch_files import ROOT, started
+from launch_files import ROOT, described_arguments, started
 from live_graph import Graph, image_message, values_of
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CameraInfo, Image
@@ -28,6 +29,15 @@ def test_what_a_launch_file_starts_is_there(file: Path) -> None:
         assert node.package == "stab_ros"
         assert node.executable in programs
         assert all(given.is_file() for given in node.parameters if isinstance(given, Path))
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
+def test_every_argument_is_described(file: Path) -> None:
+    """As `ros2 launch --show-args` tells it; the words at the head of a file name the same ones."""
+    told = described_arguments(file)
+    usage = file.read_text().split('"""')[1]
+    assert {name for name, text in told.items() if len(text) < 5} == set()
+    assert {*re.findall(r"(\w+):=", usage)} <= told.keys()
 
 
 def test_arguments_reach_the_nodes() -> None:

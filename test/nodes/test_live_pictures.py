@@ -34,6 +34,25 @@ K = np.array([[380.0, 0, 203], [0, 381, 148], [0, 0, 1]])
 D = np.array([-0.12, 0.03, 0.001, -0.0015, 0.004])
 _QUARTERS = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
 
+COUNTING = """
+import sys, threading
+import cv2
+from stab_ros.nodes.tracker import main
+
+decoded = 0
+
+def watch(frame, event, called):
+    global decoded
+    decoded += event == "c_call" and called is cv2.imdecode
+
+threading.setprofile(watch)
+sys.setprofile(watch)
+try:
+    main()
+finally:
+    print(f"decoded {decoded} images", flush=True)
+"""
+
 
 # compressed ----------------------------------------------------------------------------------------------------------
 def decoded(message: CompressedImage) -> Gray:
@@ -77,6 +96,24 @@ def test_compressed_pictures_are_those_of_image_stabilized(graph: Graph, flight:
     graph.until(lambda: stamp_ns(small[-1]) == 10**9 + 39 * 40_000_000, "the last one that is due")
     assert [round((stamp_ns(one) - 10**9) / 40_000_000) for one in small[20:]] == [20, 24, 29, 34, 39]
     assert not graph.set_parameter("/cam/tracker_node", quality, 101)[0]
+
+
+def test_compressed_images_are_decoded_once_whatever_is_made_of_them(graph: Graph, flight: list[Shot]) -> None:
+    """Counted by a profiler within the tracker's process."""
+    tracker = graph.start("tracker_node", "/cam", program=("-c", COUNTING), image_transport="compressed", **PLAIN)
+    heard = [graph.listen(CameraInfo, "/cam/homography"), graph.listen(CompressedImage, COMPRESSED),
+             graph.listen(Image, STABILIZED), graph.listen(CameraInfo, TWIN),
+             graph.listen(Image, "/cam/tracker_node/debug_image")]
+    camera = graph.speak(CompressedImage, "/cam/image_raw/compressed")
+    graph.until(lambda: graph.node.count_publishers(COMPRESSED), "discovery")
+    for shot in flight:
+        message = CompressedImage(format="mono8; jpeg compressed mono8")
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(shot.stamp_ns, 10**9)
+        message.data = array("B", cv2.imencode(".jpg", shot.image)[1].tobytes())
+        camera.publish(message)
+    graph.until(lambda: all(len(one) == len(flight) for one in heard), "all that a tracker makes of images")
+    assert tracker.stop() == 0
+    assert f"decoded {len(flight)} images" in tracker.log
 
 
 def test_pictures_of_16_bit_are_compressed_without_loss(graph: Graph, flight: list[Shot]) -> None:
