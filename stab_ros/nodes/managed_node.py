@@ -261,12 +261,12 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
 
     def _configure(self) -> None:
         self.configure()
-        if self.COMPUTES and not self.autostart:
+        if self.COMPUTES and not self.autostart:  # else the process compiles them beside, before the first spin
             compile_kernels()
         self.is_configured = True
 
     def _activate(self) -> None:
-        if self.COMPUTES:
+        if self.COMPUTES:  # at once if that is done; somebody may ask for the state before
             compile_kernels()
         self.activate()
         self.is_active = True
