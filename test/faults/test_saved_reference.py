@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -56,9 +55,10 @@ def test_what_is_saved_leads_to_the_same_homographies(graph: Graph, flight: list
     tracker.homographies(flight[:5])
     kept.unlink()
     assert tracker.save() == (True, f"the reference of stamp {flight[0].stamp_ns} ns is saved in {kept}")
-    assert tracker.process.stop(signal.SIGKILL) == -signal.SIGKILL
+    assert tracker.process.stop() == 0
+    graph.until(lambda: not graph.node.count_subscribers("image_raw"), "the tracker gone")
 
-    values = {"start_s": 0.0, "exclude": WATER}
+    values: dict[str, Any] = {"start_s": 0.0, "exclude": WATER}
     before, resumed = make_stabilizer(values), make_stabilizer(values)
     for frame in frames(flight[:5]):
         before.answers(frame)
