@@ -80,7 +80,7 @@ def test_the_evaluator_measures_in_other_regions(graph: Graph) -> None:
     def displacement_px(image: Gray) -> float:
         number = stream.send(shown=image)
         graph.until(lambda: len(metrics) == number + 1, "a frame measured")
-        return float(values_of(metrics[-1]).get("displacement_reference_px", "nan"))
+        return float(values_of(metrics[-1])["displacement_reference_px"] or "nan")
 
     displacement_px(halves(0))
     right_moved = np.hstack([picture(IDENTITY)[:, :200], picture(translation(-1.0, 0.0))[:, 200:]])
