@@ -132,6 +132,21 @@ class Evaluator:
         """
         self.config = config
 
+    def change_area(self, area: Area) -> None:
+        """Measures elsewhere from the next frame on, against the same reference; votes on its points begin anew.
+
+        Args:
+            area: where verification points may lie.
+
+        Raises:
+            InputError: a region does not fit the reference; nothing has changed then.
+        """
+        if self._measures is not None:
+            awaited_ns, measures = self._awaited_ns, self._measures
+            self._take_up(measures_of(measures.frame, self.config, self._named_points, area, measures.ref_H_raw))
+            self._awaited_ns = awaited_ns
+        self._area = area
+
     def use_reference(self, frame: Frame, ref_H_raw: Homography | None = None) -> None:
         """Measures against this image from now on.
 
@@ -144,11 +159,14 @@ class Evaluator:
         """
         if self._measures is not None and frame.stamp_ns == self._measures.frame.stamp_ns:
             return
-        self._measures = measures_of(frame, self.config, self._named_points, self._area,
-                                     np.eye(3) if ref_H_raw is None else ref_H_raw)
-        self._static = StaticPoints(self._measures.centres_px)
-        self._fixed = self._measures.camera_fixed()
-        self._awaited_ns = frame.stamp_ns
+        self._take_up(measures_of(frame, self.config, self._named_points, self._area,
+                                  np.eye(3) if ref_H_raw is None else ref_H_raw))
+
+    def _take_up(self, measures: ReferenceMeasures) -> None:
+        self._measures = measures
+        self._static = StaticPoints(measures.centres_px)
+        self._fixed = measures.camera_fixed()
+        self._awaited_ns = measures.frame.stamp_ns
         self._previous = None
         self._measured = 0
 

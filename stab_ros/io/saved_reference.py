@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from stab_ros.core.errors import InputError, MessageError
+from stab_ros.core.errors import InputError, MessageError, WorkError
 from stab_ros.core.types import Frame, State, Track
 from stab_ros.io.bag import BagWriter, open_bag, topic_of
 from stab_ros.io.cdr import CAMERA_INFO, DIAGNOSTIC_ARRAY, IMAGE, header_of
@@ -35,7 +35,7 @@ class SavedReference:
 
 
 def save_reference(path: Path, saved: SavedReference) -> None:
-    """Replaces `path` in one step: a crash leaves the old file or the new one.
+    """Replaces `path` in one step: a crash leaves the old file or the new one, an error only the old one.
 
     Raises:
         InputError: it cannot be written there. WorkError: the disk is full.
@@ -49,10 +49,16 @@ def save_reference(path: Path, saved: SavedReference) -> None:
     }
     if saved.camera_info is not None:
         messages[_CAMERA_INFO] = saved.camera_info
-    with BagWriter(path, overwrite=True) as writer:
-        for name, data in messages.items():
-            writer.add_topic(topic_of(name, _TYPES[name]))
-            writer.write(name, max(stamp_ns, 0), max(stamp_ns, 0), data)
+    writer = BagWriter(path, overwrite=True)
+    try:
+        with writer:
+            for name, data in messages.items():
+                writer.add_topic(topic_of(name, _TYPES[name]))
+                writer.write(name, max(stamp_ns, 0), max(stamp_ns, 0), data)
+    except WorkError as error:
+        writer.partial.unlink(missing_ok=True)  # other recordings keep what there is
+        why = error.__cause__.strerror if isinstance(error.__cause__, OSError) else str(error)
+        raise WorkError(f"{path}: {why}; nothing has changed there") from error
 
 
 def load_reference(path: Path) -> SavedReference | None:

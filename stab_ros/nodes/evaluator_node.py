@@ -17,6 +17,7 @@ from stab_ros.evaluation.findings import Level, findings
 from stab_ros.evaluation.frame_metrics import FrameMetrics, Outcome
 from stab_ros.evaluation.pairing import Pairing
 from stab_ros.io.cdr import SECOND_NS, Header
+from stab_ros.io.regions import read_area
 from stab_ros.nodes import params
 from stab_ros.nodes.backlog import Backlog
 from stab_ros.nodes.evaluator_inputs import EvaluatorInputs
@@ -44,8 +45,9 @@ _HOMOGRAPHY_LIMIT_NS = 4 * SECOND_NS  # what Fast DDS lost comes again after 3 s
 
 
 SETTINGS = params.table_of(EvaluatorSettings)
-# what was prepared from the reference stays as it is
-_PREPARED = {"points", "window_px", "svf_columns", "svf_rows", "roi", "exclude", "points_file"}
+# what was prepared from the reference stays as it is, but for regions, with which it is prepared anew
+_PREPARED = {"points", "window_px", "svf_columns", "svf_rows", "points_file"}
+_REGIONS = {"roi", "exclude"}
 CHANGEABLE = frozenset(EVALUATOR_PARAMETERS) - _PREPARED
 
 
@@ -241,5 +243,8 @@ class EvaluatorNode(StabNode):
 
     def _change(self, changed: dict[str, Value]) -> None:
         values = {**self.values, **changed}
-        self.evaluator.reconfigure(evaluator_config(values))
+        config = evaluator_config(values)
+        if changed.keys() & _REGIONS:
+            self.evaluator.change_area(read_area(values))
+        self.evaluator.reconfigure(config)
         self.values = values

@@ -8,16 +8,21 @@
 
 By default a node configures and activates itself (`autostart`). What `configure` made, entities and attributes, goes
 with `cleanup`; what `activate` made, with `deactivate`.
+
+Callbacks are of two groups. Those of the default group, which take messages and change the node, exclude each other.
+Those of `at_once` only read, or leave a note: they may run beside the others, and do so in the process of our own.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import ParameterDescriptor, ParameterType, SetParametersResult
+from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
@@ -50,6 +55,11 @@ _NO_CLOCK = "use_sim_time is set, but nobody publishes /clock; the time is zero 
 _SIM_TIME = "Whether the time of diagnostics and recordings is that of /clock; results are timed by header stamps"
 _UNUSED_S = 5.0  # after which it is told that nothing uses an override of a quality of service
 _POLL_NS = SECOND_NS // 10
+_REPORT_S = 1.0
+_LATE_S, _LONG_S = 1.5, 5.0  # after which a report that is due is repeated, and what is at work told
+# the services of rclpy that change nothing
+_READING = {"describe_parameters", "get_parameters", "get_parameter_types", "list_parameters",
+            "get_state", "get_available_states", "get_available_transitions", "get_transition_graph"}
 _KINDS = ("timer", "subscription", "service", "client", "publisher")  # of entities, in the order they are destroyed
 
 
@@ -61,6 +71,7 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
 
     Attributes:
         stop: whether the node is to end; long waits check it.
+        at_once: the group of callbacks that may run while others do: they only read, or leave a note.
         free: the time in which the node had nothing to do.
         is_configured: whether it is inactive or active.
         is_active: whether it takes images.
@@ -90,6 +101,8 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         except RuntimeError as error:  # rclpy's RCLError, as where security is asked for and cannot be had
             raise InputError(f"the node cannot be made: {str(error).split(', at ')[0]}") from error
         self.stop, self.free = StopRequest(), FreeTime()
+        self.at_once: CallbackGroup = MutuallyExclusiveCallbackGroup()
+        self._read_at_once()
         self.is_configured = self.is_active = self.waits = False
         self._compilation: BackgroundCompilation | None = None  # in an executor of somebody else
         self._refusal: StabRosError | None = None  # of the last transition
@@ -108,7 +121,9 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
             self.create_steady_timer(_UNUSED_S, self._tell_unused)
         self.autostart = self._starts = bool(params.declare(self, params.table_of(ManagedSettings))["autostart"])
         self.add_on_set_parameters_callback(self._refuse_idle_changes)
-        self.create_steady_timer(1.0, self._report_state)
+        self._reported: tuple[float, DiagnosticStatus] | None = None  # the last report, and when, s
+        self.create_steady_timer(_REPORT_S, self._report_state)
+        self.create_steady_timer(_REPORT_S, self._report_again, self.at_once)
         self.create_steady_timer(_POLL_NS / SECOND_NS, self._poll_if_active)
         if self.autostart:
             self._bring_up(self.trigger_configure)
@@ -149,12 +164,17 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         """Has `close` called when what `configure` made is let go, the last one first."""
         self._closing.append(close)
 
-    def create_steady_timer(self, period_s: float, callback: Callable[[], None]) -> None:
+    def create_steady_timer(self, period_s: float, callback: Callable[[], None],
+                            group: CallbackGroup | None = None) -> None:
         """A timer on the monotonic clock, which runs also while simulated time stands still."""
-        self.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(period_s, callback, group, Clock(clock_type=ClockType.STEADY_TIME))
 
     def publish_diagnostics(self, status: DiagnosticStatus) -> None:
         """One status on /diagnostics, named as the node and with its namespace as hardware_id."""
+        self._reported = time.monotonic(), status
+        self._send_diagnostics(status)
+
+    def _send_diagnostics(self, status: DiagnosticStatus) -> None:
         level, message, state = status.level, status.message, self._state_machine.current_state[1]
         if state != "active" and not self._starts:
             message = f"{state}: {message}" if level != OK else state
@@ -215,6 +235,13 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         """After an error that nobody foresaw: everything is let go."""
         return self._attempt(self._shut_down, self._let_go)
 
+    def _read_at_once(self) -> None:
+        """Has what only reads answered while the node works."""
+        for service in self.services:
+            if service.srv_name.rpartition("/")[2] in _READING:
+                service.callback_group = self.at_once
+                self.at_once.add_entity(service)
+
     def _refuse_impossible_transitions(self) -> None:
         """As rclpy answers those by an exception, which would end the node."""
         service = next(one for one in self.services if one.srv_name.endswith("/change_state"))
@@ -234,12 +261,12 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
 
     def _configure(self) -> None:
         self.configure()
-        if self.COMPUTES and not self.autostart:
+        if self.COMPUTES and not self.autostart:  # else the process compiles them beside, before the first spin
             compile_kernels()
         self.is_configured = True
 
     def _activate(self) -> None:
-        if self.COMPUTES:
+        if self.COMPUTES:  # at once if that is done; somebody may ask for the state before
             compile_kernels()
         self.activate()
         self.is_active = True
@@ -310,6 +337,17 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         else:
             level = OK if self._refusal is None else WARN
             self.publish_diagnostics(DiagnosticStatus(level, str(self._refusal or ""), {}))
+
+    def _report_again(self) -> None:
+        """The last report once more while something takes so long that the next one is late, and what is the matter."""
+        if self._reported is None:
+            return
+        (then_s, last), now_s = self._reported, time.monotonic()
+        if now_s - then_s > _LONG_S:
+            message = f"{last.message}; at work on one step for {now_s - then_s:.0f} s"
+            self._send_diagnostics(DiagnosticStatus(max(last.level, WARN), message, last.values))
+        elif now_s - then_s > _LATE_S:
+            self._send_diagnostics(last)
 
     def _tell_unused(self) -> None:
         """What was meant for a publisher or subscription that is not there; some come later than others."""

@@ -13,7 +13,6 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.signals import SignalHandlerOptions
 
@@ -56,10 +55,8 @@ def run(make: Callable[[], StabNode], stop: StopRequest) -> int:
 
 
 def _spin(node: StabNode, stop: StopRequest, compilation: BackgroundCompilation | None) -> None:
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
+    spinner = Spinner(node, node.at_once, stop, node.free, node.on_failure)
     try:
-        spinner = Spinner(executor, stop, node.free, node.on_failure)
         if compilation is not None:
             _compile(node, spinner, compilation)
         if not spinner.stopping:
@@ -68,7 +65,7 @@ def _spin(node: StabNode, stop: StopRequest, compilation: BackgroundCompilation 
             node.work(spinner)
         node.end()
     finally:
-        executor.shutdown()
+        spinner.close()
         node.destroy_node()
 
 

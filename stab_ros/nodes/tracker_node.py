@@ -7,8 +7,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
-from std_srvs.srv import Trigger
-
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.kernels import Compilation
 from stab_ros.core.settings import Value
@@ -26,6 +24,7 @@ from stab_ros.nodes.image_input import ImageInput
 from stab_ros.nodes.lost_log import LostLog
 from stab_ros.nodes.managed_node import StabNode
 from stab_ros.nodes.reference_file import ReferenceFile
+from stab_ros.nodes.reference_services import ReferenceServices
 from stab_ros.nodes.sleep import Sleep
 from stab_ros.nodes.stabilized_camera import StabilizedCamera
 from stab_ros.nodes.stabilized_pictures import StabilizedPictures
@@ -100,7 +99,7 @@ class TrackerNode(StabNode):
         self.outputs = TrackerPublishers(self, lossless, StabilizedPictures(
             self, StabilizedCamera(self, self.camera), _compressed_settings(self._compressed),
             self.settings.reference_frame, self._failures, lossless))
-        self.create_service(Trigger, "~/reset_reference", self._reset_reference)
+        self._on_reference = ReferenceServices(self, self._file)
         self.at_cleanup(self.outputs.pictures.close)
         self.at_cleanup(params.ParameterUpdates(self, {**PARAMETERS, **COMPRESSED}, self._change).close)
 
@@ -108,6 +107,7 @@ class TrackerNode(StabNode):
         self.status.waiting_for = progress.awaited
 
     def activate(self) -> None:
+        self._reset_if_asked()
         self._resume()
 
     def deactivate(self) -> None:
@@ -132,6 +132,7 @@ class TrackerNode(StabNode):
         self.outputs.flush()
 
     def destroy_node(self) -> None:
+        """Also ends the thread of the pictures, where nobody has cleaned up, as after an error."""
         if self.is_configured:
             self.outputs.pictures.close()
         super().destroy_node()
@@ -139,6 +140,7 @@ class TrackerNode(StabNode):
     # input -----------------------------------------------------------------------------------------------------------
     def poll(self) -> None:
         """Starts to take images once enough subscribers are there, and follows the publishers' QoS."""
+        self._reset_if_asked()
         self.outputs.pictures.refresh()
         if self.camera is not None:
             self.camera.refresh()
@@ -177,6 +179,7 @@ class TrackerNode(StabNode):
 
     # tracking --------------------------------------------------------------------------------------------------------
     def _track(self, cdr: bytes, source_ns: int) -> None:
+        self._reset_if_asked()
         index = self.stabilizer.frames
         try:
             frame = _read(cdr, self._input.msgtype)
@@ -327,12 +330,12 @@ class TrackerNode(StabNode):
         self.publish_diagnostics(self.status.report(self.free.ns))
 
     # services and parameters -----------------------------------------------------------------------------------------
-    def _reset_reference(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._publish_tracks(self._answered(self.stabilizer.finish))
-        self._file.discard()
-        self.stabilizer.reset_reference()
-        response.success, response.message = True, "the next frame becomes the reference"
-        return response
+    def _reset_if_asked(self) -> None:
+        """The answer was given already."""
+        if self._on_reference.reset_is_asked:
+            self._publish_tracks(self._answered(self.stabilizer.finish))
+            self.stabilizer.reset_reference()
+            self._on_reference.reset_is_made()
 
     def _change(self, changed: dict[str, Value]) -> None:
         compressed = {**self._compressed, **{name: changed[name] for name in COMPRESSED if name in changed}}
@@ -343,6 +346,7 @@ class TrackerNode(StabNode):
     def _change_engine(self, changed: dict[str, Value]) -> None:
         if not changed:
             return
+        self._reset_if_asked()
         check_change(self.values, changed)
         if self._file.is_pending:
             raise InputError("the saved reference is not in force yet, set it again once the tracker is ready")

@@ -13,6 +13,7 @@ from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
 from stab_ros.io.cdr import SECOND_NS
 from stab_ros.io.georeference_messages import georeference_values as values_of
 from stab_ros.io.georeference_messages import origin_cdr
+from stab_ros.io.regions import read_area
 from stab_ros.io.static_maps import read_static_map
 from stab_ros.io.topics import VELOCITY_TOPIC
 from stab_ros.nodes import params
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from stab_ros.nodes.node_options import NodeOptions
 
 SETTINGS = params.table_of(VelocimetrySettings)
+_REGIONS = {"roi", "exclude"}
 CHANGEABLE = frozenset(OWN_VELOCITY_PARAMETERS) - {"grid_m"}  # where frames lie stays as it is
 
 
@@ -78,6 +80,7 @@ class VelocimetryNode(PlacingNode):
         self._ground = read_static_map(values)
         self._held: deque[_Answered] = deque()  # until the map is known
         self._map_patience = Patience(round(self.settings.wait_s * SECOND_NS))
+        self._reference_size: tuple[int, int] | None = None  # width and height, px, once known
         self._engine: Georeferencer | None = None  # for which the velocimeters are
         self._water: Velocimeter | None = None
         self._bank: Velocimeter | None = None
@@ -171,6 +174,8 @@ class VelocimetryNode(PlacingNode):
     # measuring -------------------------------------------------------------------------------------------------------
     def _measure(self, answer: Georeferenced, asked: Asked, engine: Georeferencer) -> None:
         self._begin_with(engine, asked.source_ns)
+        told = None if self._motions is None else self._motions.reference_size
+        self._reference_size = told or answer.frame.size
         if self._water is not None:
             self._send(self._water.add(answer, asked.motion), asked.source_ns)
         if self._bank is not None:
@@ -209,6 +214,8 @@ class VelocimetryNode(PlacingNode):
         """Other parameters hold from the next frame on; the interval ends."""
         values = {**self.values, **changed}
         check_velocimetry(values)
+        if self._reference_size is not None and _REGIONS & changed.keys():
+            read_area(values).allowed(self._reference_size)
         self._ground = read_static_map(values) or self._ground
         self._end(time.time_ns())
         self.values, self._engine = values, None

@@ -116,7 +116,7 @@ def test_what_cannot_be_configured_says_why_and_may_be_mended(graph: Graph) -> N
 def test_a_node_that_brings_itself_up_is_managed_too(graph: Graph) -> None:
     graph.start("tracker_node")
     graph.until(lambda: graph.node.count_subscribers("image_raw"), "the tracker takes images")
-    assert state(graph, "tracker_node") == "active"
+    graph.until(lambda: state(graph, "tracker_node") == "active", "the end of the transition")
     assert change(graph, "tracker_node", DEACTIVATE)
     graph.until(lambda: graph.node.count_subscribers("image_raw") == 0, "no images taken")
     assert change(graph, "tracker_node", CLEANUP)

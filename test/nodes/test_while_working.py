@@ -1,0 +1,192 @@
+"""What a node answers while one of its callbacks takes long, and what waits for it: separate processes over DDS."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetAvailableTransitions, GetState
+from live_graph import Graph, NodeProcess, image_message, values_of
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterType, ParameterValue
+from rcl_interfaces.srv import DescribeParameters, GetParameters, GetParameterTypes, ListParameters, SetParameters
+from sensor_msgs.msg import CameraInfo, Image
+from std_srvs.srv import Trigger
+
+from stab_ros.core.types import FloatArray
+from stab_ros.synthetic.flight import Shot
+
+NODE = "tracker_node"
+PROGRAM = f"""
+import sys
+import time
+from pathlib import Path
+
+from stab_ros.nodes.runtime import run
+from stab_ros.nodes.stopping import node_main
+from stab_ros.nodes.tracker_node import TrackerNode
+
+GATE, HELD = Path(sys.argv[1]), Path(sys.argv[2])
+
+
+class Held(TrackerNode):
+    # a tracker one of whose callbacks takes as long as there is a gate
+
+    def poll(self):
+        super().poll()
+        while GATE.exists() and not self.stop.requested:
+            HELD.touch()
+            time.sleep(0.01)
+
+
+sys.exit(node_main("{NODE}", lambda stop: run(Held, stop)))
+"""
+
+
+class HeldTracker:
+    """A tracker of somebody's that can be held in the middle of a callback."""
+
+    def __init__(self, graph: Graph, folder: Path, **parameters: object) -> None:
+        self._graph, self._gate, self._held = graph, folder / "gate", folder / "held"
+        self.answers: list[Any] = graph.listen(CameraInfo, "homography")
+        arguments = [str(self._gate), str(self._held), "--ros-args"]
+        for name, value in {"queue_depth": 0, "start_s": 0.0, "wait_for_subscribers": 1, **parameters}.items():
+            arguments += ["-p", f"{name}:={value}"]
+        self.process: NodeProcess = graph.run(NODE, arguments, ["-c", PROGRAM])
+        self._images: Any = graph.speak(Image, "image_raw")
+
+    def hold(self) -> None:
+        self._gate.touch()
+        self._graph.until(self._held.exists, "the callback")
+
+    def let_go(self) -> None:
+        self._gate.unlink()
+
+    def show(self, shots: list[Shot]) -> None:
+        for shot in shots:
+            self._images.publish(image_message(shot.image, shot.stamp_ns))
+
+    def until_answered(self, count: int) -> None:
+        self._graph.until(lambda: len(self.answers) >= count, f"{count} answers")
+
+    def ask(self, service: Any, name: str, request: Any) -> Any:
+        """The future of an answer."""
+        client = self._graph.node.create_client(service, f"{NODE}/{name}")
+        self._graph.until(client.service_is_ready, name)
+        return client.call_async(request)
+
+    def homography(self, number: int) -> FloatArray:
+        return np.reshape(self.answers[number].r, (3, 3))
+
+
+def threshold(value: float) -> SetParameters.Request:
+    told = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
+    return SetParameters.Request(parameters=[ParameterMessage(name="threshold", value=told)])
+
+
+def test_questions_and_the_reference_do_not_wait_for_a_frame(graph: Graph, flight: list[Shot], tmp_path: Path) -> None:
+    kept = tmp_path / "kept.mcap"
+    reports = graph.listen(DiagnosticArray, "/diagnostics")
+    tracker = HeldTracker(graph, tmp_path, reference_path=kept, threshold=1.5)
+    tracker.show(flight[:3])
+    tracker.until_answered(3)
+    graph.until(kept.exists, "the reference saved by itself")
+    kept.unlink()
+    tracker.hold()
+    tracker.show(flight[3:6])
+    names = ["threshold"]
+    shown = graph.call(GetParameters, f"{NODE}/get_parameters", GetParameters.Request(names=names))
+    assert [one.double_value for one in shown.values] == [1.5]
+    graph.call(GetParameterTypes, f"{NODE}/get_parameter_types", GetParameterTypes.Request(names=names))
+    described = graph.call(DescribeParameters, f"{NODE}/describe_parameters", DescribeParameters.Request(names=names))
+    assert described.descriptors[0].description
+    listed = graph.call(ListParameters, f"{NODE}/list_parameters", ListParameters.Request())
+    assert "threshold" in listed.result.names
+    assert graph.call(GetState, f"{NODE}/get_state", GetState.Request()).current_state.label == "active"
+    transitions = graph.call(GetAvailableTransitions, f"{NODE}/get_available_transitions",
+                             GetAvailableTransitions.Request())
+    assert "deactivate" in {one.transition.label for one in transitions.available_transitions}
+    assert graph.call(Trigger, f"{NODE}/save_reference", Trigger.Request()).success
+    assert kept.exists()
+    assert graph.call(Trigger, f"{NODE}/reset_reference", Trigger.Request()).success
+    after_reset = graph.call(Trigger, f"{NODE}/save_reference", Trigger.Request())
+    assert not after_reset.success
+    assert "there is no reference yet" in after_reset.message
+    setting = tracker.ask(SetParameters, "set_parameters", threshold(2.0))
+    reports.clear()
+    graph.until(lambda: any("at work on one step" in one.status[0].message for one in reports), "reports meanwhile")
+    assert not setting.done()
+    assert len(tracker.answers) == 3
+
+    tracker.let_go()
+    graph.until(setting.done, "the parameter set")
+    assert setting.result().results[0].successful
+    tracker.until_answered(6)
+    np.testing.assert_array_equal(tracker.homography(3), np.eye(3))
+    for number in (4, 5):  # to the fourth frame, as it was asked
+        true = np.linalg.inv(flight[3].ref_H_cur) @ flight[number].ref_H_cur
+        np.testing.assert_allclose(tracker.homography(number), true / true[2, 2], atol=0.1)
+    graph.until(lambda: values_of(reports[-1])["frames_in"] == "6", "the report")
+    assert values_of(reports[-1])["frames_dropped"] == "0"
+    assert tracker.process.stop() == 0
+
+
+def test_a_change_of_state_waits_for_one_callback_and_not_for_the_frames_that_wait(
+    graph: Graph, flight: list[Shot], tmp_path: Path
+) -> None:
+    tracker = HeldTracker(graph, tmp_path)
+    tracker.show(flight[:2])
+    tracker.until_answered(2)
+    tracker.hold()
+    tracker.show(flight[2:6])
+    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_DEACTIVATE))
+    changing = tracker.ask(ChangeState, "change_state", request)
+    assert graph.call(GetState, f"{NODE}/get_state", GetState.Request()).current_state.label == "active"
+    assert not changing.done()
+    tracker.let_go()
+    graph.until(changing.done, "the change")
+    assert changing.result().success
+    assert graph.call(GetState, f"{NODE}/get_state", GetState.Request()).current_state.label == "inactive"
+    assert len(tracker.answers) == 2
+
+
+def test_a_signal_in_the_middle_of_requests_ends_cleanly(graph: Graph, flight: list[Shot], tmp_path: Path) -> None:
+    tracker = HeldTracker(graph, tmp_path)
+    tracker.show(flight[:2])
+    tracker.until_answered(2)
+    tracker.hold()
+    waiting = [tracker.ask(SetParameters, "set_parameters", threshold(2.0)) for _ in range(3)]
+    for _ in range(5):
+        tracker.ask(GetParameters, "get_parameters", GetParameters.Request(names=["threshold"]))
+    assert tracker.process.stop(signal.SIGINT) == 0
+    assert "Traceback" not in tracker.process.log
+    assert not all(one.done() for one in waiting)
+
+
+def test_nobody_waits_in_the_process_of_a_user_with_several_threads(graph: Graph, tmp_path: Path) -> None:
+    """As in one with a MultiThreadedExecutor, which knows the callback groups."""
+    words = PROGRAM.partition("sys.exit")[0] + """
+import rclpy
+from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
+rclpy.init()
+executor = MultiThreadedExecutor(3)
+executor.add_node(Held())
+try:
+    executor.spin()
+except (KeyboardInterrupt, ExternalShutdownException):
+    pass
+"""
+    gate, held = tmp_path / "gate", tmp_path / "held"
+    gate.touch()
+    process = graph.run(NODE, [str(gate), str(held), "--ros-args"], ["-c", words])
+    graph.until(held.exists, "the callback")
+    assert graph.call(GetState, f"{NODE}/get_state", GetState.Request()).current_state.label == "activating"
+    graph.call(ListParameters, f"{NODE}/list_parameters", ListParameters.Request())
+    gate.unlink()
+    graph.until(lambda: graph.node.count_subscribers("image_raw"), "the tracker takes images")
+    process.process.send_signal(signal.SIGINT)
+    process.wait()
