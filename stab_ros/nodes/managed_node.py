@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 
 _NO_CLOCK = "use_sim_time is set, but nobody publishes /clock; the time is zero until somebody does"
 _SIM_TIME = "Whether the time of diagnostics and recordings is that of /clock; results are timed by header stamps"
-_UNUSED_S = 5.0  # after which it is told that nothing uses an override of a quality of service
+_UNUSED_NS = 5 * SECOND_NS  # of free time while active, after which it is told that nothing uses an override of QoS
 _POLL_NS = SECOND_NS // 10
 _REPORT_S = 1.0
 _LATE_S, _LONG_S = 1.5, 5.0  # after which a report that is due is repeated, and what is at work told
@@ -117,8 +117,9 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, DIAGNOSTICS_TOPIC, qos,
                                                              qos_overriding_options=overriding)
         self._told_unused: set[str] = set()
+        self._activated_ns = 0  # in free time
         if unused_overrides(self):
-            self.create_steady_timer(_UNUSED_S, self._tell_unused)
+            self.create_steady_timer(_REPORT_S, self._tell_unused)
         self.autostart = self._starts = bool(params.declare(self, params.table_of(ManagedSettings))["autostart"])
         self.add_on_set_parameters_callback(self._refuse_idle_changes)
         self._reported: tuple[float, DiagnosticStatus] | None = None  # the last report, and when, s
@@ -269,7 +270,7 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         if self.COMPUTES:  # at once if that is done; somebody may ask for the state before
             compile_kernels()
         self.activate()
-        self.is_active = True
+        self.is_active, self._activated_ns = True, self.free.ns
         self.poll()
 
     def _shut_down(self) -> None:
@@ -351,6 +352,8 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
 
     def _tell_unused(self) -> None:
         """What was meant for a publisher or subscription that is not there; some come later than others."""
+        if not self.is_active or self.free.ns - self._activated_ns < _UNUSED_NS:
+            return
         for name, line in unused_overrides(self).items():
             if name not in self._told_unused:
                 self._told_unused.add(name)
