@@ -18,7 +18,7 @@ from stab_ros.parameters.table import Parameter, parameters_of
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from stab_ros.nodes.node_options import NodeOptions
+    from stab_ros.nodes.node_options import RosOptions
 
 _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "autostart")
 _LARGEST_INTEGER = 2**63 - 1
@@ -31,9 +31,10 @@ class DeclaringNode(Node):
         defaulted: parameters that nobody has given, by name, and their defaults.
         fixed: those that a configured node cannot change.
         autostart: whether it configures itself; if not, nothing is read-only.
+        others: names of parameters that reach it, but are for another node of its process.
     """
 
-    def __init__(self, name: str, given: Mapping[str, Any] | None = None, **options: Unpack[NodeOptions]) -> None:
+    def __init__(self, name: str, given: Mapping[str, Any] | None = None, **options: Unpack[RosOptions]) -> None:
         """Makes the node with what is given declared as it comes, so that `declare` can judge it.
 
         Args:
@@ -52,6 +53,7 @@ class DeclaringNode(Node):
         self.defaulted: dict[str, Value] = {}
         self.fixed: set[str] = set()
         self.autostart = True
+        self.others: Collection[str] = ()
 
 
 def table_of(settings: type[Any]) -> dict[str, Parameter]:
@@ -135,10 +137,10 @@ def describe(limits: Range, value: Value, read_only: bool) -> ParameterDescripto
     return shown
 
 
-def warn_of_unknown(node: Node, known: Collection[str]) -> None:
+def warn_of_unknown(node: DeclaringNode, known: Collection[str]) -> None:
     """Logs every override of a parameter that the node does not have, with similar names."""
     for name in node.get_parameters_by_prefix(""):
-        if name in known or name in _OF_EVERY_NODE or name.startswith(PREFIX):
+        if name in known or name in _OF_EVERY_NODE or name in node.others or name.startswith(PREFIX):
             continue
         node.get_logger().warning(unknown(name, known))
 
