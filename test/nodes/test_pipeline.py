@@ -5,8 +5,6 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +13,7 @@ import pytest
 from conftest import Command
 from diagnostic_msgs.msg import DiagnosticArray
 from image_publisher import FRAMES, by_the_engine, shots
-from live_graph import Graph, NodeProcess, image_message, stamp_ns
+from live_graph import Graph, image_message
 from rclpy.serialization import serialize_message
 from recordings import entries, write_mcap
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
@@ -23,18 +21,38 @@ from test_lifecycle import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, SHUTDOWN, c
 from test_velocimetry_node import SETTINGS, check_same
 
 from stab_ros.io.bag import open_bag
+from stab_ros.io.homography_message import read_homography
 from stab_ros.synthetic.flight import Shot
 
 NODES = ["tracker", "velocimetry"]
+PROGRAM = """
+import sys
 
+import rclpy
+from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import CameraInfo
 
-def start(graph: Graph, *words: str, namespace: str = "/cam", **parameters: object) -> NodeProcess:
-    return graph.start("pipeline_node", namespace, {}, (sys.executable, *words) if words else (), **parameters)
+from stab_ros.nodes.image_hub import ImageHub
+from stab_ros.nodes.tracker_node import TrackerNode
+from stab_ros.nodes.velocimetry_node import VelocimetryNode
 
-
-def by_name(reports: list[Any]) -> dict[str, Any]:
-    """The last report of each node."""
-    return {report.status[0].name: report.status[0] for report in reports}
+rclpy.init(args=["--ros-args", "-r", "__ns:=/cam"])
+own, hub = Node("own"), ImageHub()
+again = own.create_publisher(CameraInfo, "again", 500)
+own.create_subscription(CameraInfo, "homography", again.publish, 500)
+all_frames = Parameter("queue_depth", value=0)
+tracker = TrackerNode(images=hub, parameter_overrides=[all_frames, Parameter("wait_for_subscribers", value=3)])
+velocimetry = VelocimetryNode(images=hub, parameter_overrides=[all_frames])
+executor = MultiThreadedExecutor(4) if sys.argv[1] == "multi" else SingleThreadedExecutor()
+for node in (own, hub, tracker, velocimetry):
+    executor.add_node(node)
+try:
+    executor.spin()
+except (KeyboardInterrupt, ExternalShutdownException):
+    pass
+"""
 
 
 def test_live_gives_what_the_commands_give(
@@ -68,7 +86,10 @@ def test_live_gives_what_the_commands_give(
     graph.until(lambda: len(clouds["velocity"]) >= len(offline["velocity"]) - 1, "all intervals but the last")
     assert pipeline.stop() == 0, pipeline.log
     graph.until(lambda: all(len(one) == len(offline["velocity"]) for one in clouds.values()), "the last interval")
-    assert [serialize_message(one) for one in homographies] == tracked
+    for message, cdr in zip(homographies, tracked, strict=True):
+        (now_ns, live), (stamp_ns, offline_H) = read_homography(serialize_message(message)), read_homography(cdr)
+        assert now_ns == stamp_ns
+        np.testing.assert_array_equal(live, offline_H)
     for topic, live in clouds.items():
         check_same([serialize_message(one) for one in live], offline[topic])
     assert "WARN" not in pipeline.log
@@ -79,21 +100,16 @@ def test_each_node_has_its_states(graph: Graph, flight: list[Shot]) -> None:
     pipeline = graph.start("pipeline_node", "/cam", nodes=NODES, autostart=False, queue_depth=0, start_s=0.0,
                            use_camera_info=False)
     answers: list[Any] = graph.listen(CameraInfo, "/cam/homography")
-    reports: list[Any] = graph.listen(DiagnosticArray, "/diagnostics")
     images = graph.node.create_publisher(Image, "/cam/image_raw", 100)
     tracker, velocimetry = "/cam/tracker_node", "/cam/velocimetry_node"
 
-    def placed() -> str:
-        status = by_name(reports).get(velocimetry.lstrip("/"))
-        return "" if status is None else {one.key: one.value for one in status.values}.get("frames_placed", "")
-
-    def show(shots: list[Shot]) -> list[CameraInfo]:
+    def show(some: list[Shot]) -> list[CameraInfo]:
         graph.until(images.get_subscription_count, "images taken")
         assert images.get_subscription_count() == 1
         before = len(answers)
-        for shot in shots:
+        for shot in some:
             images.publish(image_message(shot.image, shot.stamp_ns))
-        graph.until(lambda: len(answers) == before + len(shots), "every frame answered")
+        graph.until(lambda: len(answers) == before + len(some), "every frame answered")
         return answers[before:]
 
     assert {state(graph, node) for node in (tracker, velocimetry)} == {"unconfigured"}
@@ -119,3 +135,52 @@ def test_each_node_has_its_states(graph: Graph, flight: list[Shot]) -> None:
     np.testing.assert_allclose(homography(again), flight[5].ref_H_cur, atol=0.05)
     assert change(graph, tracker, SHUTDOWN["active"])
     assert pipeline.wait() == 0
+
+
+@pytest.mark.parametrize("kind", ["single", "multi"])
+def test_nodes_share_images_in_a_process_of_somebody_else(graph: Graph, kind: str, tmp_path: Path) -> None:
+    answers: list[Any] = graph.listen(CameraInfo, "/cam/homography", 500)
+    again: list[Any] = graph.listen(CameraInfo, "/cam/again", 500)
+    reports: list[Any] = graph.listen(DiagnosticArray, "/diagnostics")
+    log = tmp_path / "log"
+    with log.open("w") as errors, subprocess.Popen(
+            [sys.executable, "-c", PROGRAM, kind], env=graph.environment, stderr=errors) as process:
+        images = graph.speak(Image, "/cam/image_raw", 300)
+        graph.until(lambda: graph.node.count_subscribers("/cam/homography") == 3, "velocimetry taking homographies")
+        assert images.get_subscription_count() == 1
+        for shot in shots():
+            images.publish(image_message(shot.image, shot.stamp_ns))
+        graph.until(lambda: len(answers) == len(again) == FRAMES, "every frame answered, and heard by the other node")
+        graph.until(lambda: f"{FRAMES}" in {pair.value for one in reports for pair in one.status[0].values
+                                            if pair.key == "frames_placed"}, "every frame placed")
+        process.send_signal(signal.SIGINT)
+    assert "Traceback" not in log.read_text()
+    assert {report.status[0].name for report in reports} == {"cam/tracker_node", "cam/velocimetry_node"}
+    for answer, H in zip(answers, by_the_engine(), strict=True):
+        np.testing.assert_allclose(np.reshape(answer.r, (3, 3)), H, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("parameters", "remap", "words"), [
+    ({"nodes": ["tracker", "velocimetri"]}, {}, "did you mean velocimetry?"),
+    ({"nodes": ["tracker", "tracker"]}, {}, "must name each node once"),
+    ({"nodes": NODES, "extract_s": 0.0}, {}, "velocimetry: extract_s"),
+    ({"nodes": NODES}, {"__node": "river"}, "rename one alone"),
+    ({"nodes": ["discharge"], "section_file": "none.csv"}, {}, "discharge: none.csv"),
+], ids=["name", "twice", "parameter", "names", "file"])
+def test_what_cannot_be_ends_with_a_line(
+    graph: Graph, parameters: dict[str, Any], remap: dict[str, str], words: str
+) -> None:
+    pipeline = graph.start("pipeline_node", "/cam", remap, **parameters)
+    assert pipeline.wait() == 2
+    assert words in pipeline.log.splitlines()[-1]
+    assert pipeline.log.splitlines()[-1].startswith("pipeline_node: ")
+    assert "Traceback" not in pipeline.log
+
+
+def test_signals_end_all_nodes_at_once(graph: Graph) -> None:
+    graph.listen(CameraInfo, "/cam/homography")
+    pipeline = graph.start("pipeline_node", "/cam", nodes=["tracker", "georeference", "velocimetry"],
+                           orientation="stationary_nadir", height_m=20.0, use_camera_info=False)
+    graph.until(lambda: graph.node.count_subscribers("/cam/image_raw"), "images taken")
+    assert pipeline.stop(signal.SIGTERM) == 0
+    assert "Traceback" not in pipeline.log
