@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState
-from rcl_interfaces.msg import ParameterDescriptor, ParameterType, SetParametersResult
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
@@ -48,7 +48,6 @@ if TYPE_CHECKING:
     from stab_ros.nodes.node_options import RosOptions
 
 _NO_CLOCK = "use_sim_time is set, but nobody publishes /clock; the time is zero until somebody does"
-_SIM_TIME = "Whether the time of diagnostics and recordings is that of /clock; results are timed by header stamps"
 _UNUSED_S = 5.0  # after which it is told that nothing uses an override of a quality of service
 _POLL_NS = SECOND_NS // 10
 _KINDS = ("timer", "subscription", "service", "client", "publisher")  # of entities, in the order they are destroyed
@@ -100,8 +99,6 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         self._refusal: StabRosError | None = None  # of the last transition
         self._closing: list[Callable[[], None]] = []
         self._before = _Made(self)  # what there was before `configure`
-        self.set_descriptor("use_sim_time",
-                            ParameterDescriptor(type=ParameterType.PARAMETER_BOOL, description=_SIM_TIME))
         for line in check_overrides(self):
             self.get_logger().warning(line)
         topic = self.resolve_topic_name(DIAGNOSTICS_TOPIC)

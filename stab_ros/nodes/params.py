@@ -6,7 +6,13 @@ import sys
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    ParameterType,
+    SetParametersResult,
+)
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
@@ -21,6 +27,7 @@ if TYPE_CHECKING:
     from stab_ros.nodes.node_options import RosOptions
 
 _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "autostart")
+_SIM_TIME = "Whether the time of diagnostics and recordings is that of /clock; results are timed by header stamps"
 _LARGEST_INTEGER = 2**63 - 1
 
 
@@ -50,6 +57,8 @@ class DeclaringNode(Node):
                                           *(RosParameter(key, value=value) for key, value in (given or {}).items())]
         super().__init__(automatically_declare_parameters_from_overrides=True, allow_undeclared_parameters=True,
                          **options)
+        self.set_descriptor("use_sim_time",
+                            ParameterDescriptor(type=ParameterType.PARAMETER_BOOL, description=_SIM_TIME))
         self.defaulted: dict[str, Value] = {}
         self.fixed: set[str] = set()
         self.autostart = True
