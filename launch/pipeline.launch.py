@@ -38,8 +38,8 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument("namespace", default_value="/camera", description="Namespace of the camera"),
         DeclareLaunchArgument("config", default_value=config,
                               description="Parameter file, with a section for each node, as /**/tracker_node:"),
-        DeclareLaunchArgument("nodes", default_value="", description="List of tracker, georeference, velocimetry and "
-                              "discharge, as [tracker, discharge]; none: those of config"),
+        DeclareLaunchArgument("nodes", default_value="", description="List of tracker, georeference, velocimetry, "
+                              "discharge and player, as [tracker, georeference]; none: those of config"),
         *(DeclareLaunchArgument(name, default_value=topic, description=f"Topic in place of {topic}")
           for name, topic in _TOPICS.items()),
         OpaqueFunction(function=_pipeline),

@@ -1,10 +1,11 @@
-"""Images for several nodes of one process: one subscription, and each image handed over in memory.
+"""Images for several nodes of one process: one subscription or player, and each image handed over in memory.
 
 rclpy has no transport within a process: each subscription is sent a copy of its own, and decodes it.
 """
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from sensor_msgs.msg import CompressedImage, Image
 
 from stab_ros.io.cdr import COMPRESSED_IMAGE, IMAGE
 from stab_ros.nodes import params
-from stab_ros.nodes.image_source import ImageSubscription
+from stab_ros.nodes.image_source import ImageSubscription, ImageSupply
 from stab_ros.nodes.qos import AdaptiveSubscription, keep_all_reliable, newest_only
 from stab_ros.nodes.qos_overrides import check_overrides, is_used
 from stab_ros.nodes.received_image import ReceivedImage
@@ -65,6 +66,7 @@ class ImageHub(params.DeclaringNode):
         self._joined = 0  # so far
         self._lock = RLock()  # of the channels and their members
         self._channels: dict[_Wish, _Channel] = {}
+        self._supplied: set[str] = set()  # topics that come from a node of the process
         for line in check_overrides(self):
             self.get_logger().warning(line)
         self.create_timer(_LOOK_S, self._refresh, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -85,10 +87,36 @@ class ImageHub(params.DeclaringNode):
         with self._lock:
             member = _Member(node, self._channels.setdefault(wish, _Channel(self, wish, self._lock)), take, self._leave)
             self._joined += 1
-            if self._joined >= self.awaited:
-                for channel in self._channels.values():
-                    channel.open()
+            self._open()
         return member
+
+    def supply(self, topic: str, msgtype: str) -> ImageSupply:
+        """See `ImageSource`."""
+        with self._lock:
+            self._supplied.add(topic)
+            for channel in self._channels.values():
+                if channel.wish.topic == topic:
+                    channel.close()
+        return _Supply(topic, msgtype, lambda: self._takers(topic, msgtype), self._lock, self._end_supply)
+
+    def supplies(self, topic: str) -> bool:
+        """Whether a node of the process publishes this topic."""
+        return topic in self._supplied
+
+    def _takers(self, topic: str, msgtype: str) -> list[_Member]:
+        return [member for channel in self._channels.values()
+                if (channel.wish.topic, channel.msgtype) == (topic, msgtype) for member in channel.members]
+
+    def _end_supply(self, topic: str) -> None:
+        with self._lock:
+            self._supplied.discard(topic)
+            self._open()
+
+    def _open(self) -> None:
+        """Subscribes to what nodes take, once enough of them do, and no node of the process publishes it."""
+        for channel in self._channels.values():
+            if self._joined >= self.awaited and channel.wish.topic not in self._supplied:
+                channel.open()
 
     def _leave(self, member: _Member) -> None:
         with self._lock:
@@ -108,7 +136,7 @@ class _Channel:
     def __init__(self, hub: ImageHub, wish: _Wish, lock: RLock) -> None:
         self.wish, self._hub, self._lock = wish, hub, lock
         self.members: list[_Member] = []
-        self._msgtype = COMPRESSED_IMAGE if wish.compressed else IMAGE
+        self.msgtype = COMPRESSED_IMAGE if wish.compressed else IMAGE
         self._subscription: AdaptiveSubscription | None = None
 
     def open(self) -> None:
@@ -119,9 +147,10 @@ class _Channel:
                 keep_all_reliable if self.wish.keep_all else newest_only, RELIABLE_FIX)
 
     def close(self) -> None:
-        """Ends the subscription."""
+        """Ends the subscription, until `open` is called again."""
         if self._subscription is not None:
             self._subscription.close()
+            self._subscription = None
 
     def refresh(self) -> None:
         """Follows the publishers' QoS."""
@@ -130,10 +159,10 @@ class _Channel:
 
     @property
     def publishers(self) -> int:
-        return 0 if self._subscription is None else self._subscription.publishers
+        return self._hub.supplies(self.wish.topic) if self._subscription is None else self._subscription.publishers
 
     def _on_cdr(self, cdr: bytes, info: Mapping[str, int]) -> None:
-        image = ReceivedImage(cdr, self._msgtype, info)
+        image = ReceivedImage(cdr, self.msgtype, info)
         with self._lock:
             for member in self.members:
                 member.offer(image)
@@ -165,6 +194,11 @@ class _Member:
         self._leave(self)
         self._node.destroy_guard_condition(self._ready)
 
+    @property
+    def waiting(self) -> int:
+        """Number of images."""
+        return len(self._waiting)
+
     def offer(self, image: ReceivedImage) -> None:
         """Has the node take an image, or the newest one; called from whatever thread."""
         self._waiting.append(image)
@@ -178,3 +212,35 @@ class _Member:
         if self._waiting:
             self._ready.trigger()
         self._take(image)
+
+
+class _Supply:
+    """Images of a node of the process, numbered as a publisher numbers them."""
+
+    def __init__(self, topic: str, msgtype: str, takers: Callable[[], list[_Member]], lock: RLock,
+                 end: Callable[[str], None]) -> None:
+        self._topic, self._msgtype, self._takers, self._lock, self._end = topic, msgtype, takers, lock, end
+        self._number = 0
+
+    @property
+    def takers(self) -> int:
+        with self._lock:
+            return len(self._takers())
+
+    @property
+    def backlog(self) -> int:
+        with self._lock:
+            return max((member.waiting for member in self._takers()), default=0)
+
+    def hand_over(self, cdr: bytes) -> None:
+        """See `ImageSupply`."""
+        self._number += 1
+        info = {"publication_sequence_number": self._number, "source_timestamp": time.time_ns()}
+        image = ReceivedImage(cdr, self._msgtype, info)
+        with self._lock:
+            for member in self._takers():
+                member.offer(image)
+
+    def close(self) -> None:
+        """See `ImageSupply`."""
+        self._end(self._topic)

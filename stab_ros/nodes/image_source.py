@@ -26,6 +26,22 @@ class ImageSubscription(Protocol):
         """Ends it."""
 
 
+class ImageSupply(Protocol):
+    """Images that a node of the process publishes. takers: nodes that take them. backlog: most that wait for one."""
+
+    @property
+    def takers(self) -> int: ...
+
+    @property
+    def backlog(self) -> int: ...
+
+    def hand_over(self, cdr: bytes) -> None:
+        """Gives an image to the takers."""
+
+    def close(self) -> None:
+        """Ends it: images come over DDS again."""
+
+
 class ImageSource(Protocol):
     """Who subscribes for several nodes. parameters: names of its own, which reach those nodes too, in vain."""
 
@@ -42,6 +58,14 @@ class ImageSource(Protocol):
             compressed: whether it is of CompressedImage.
             keep_all: every image counts, not only the newest.
             take: what becomes of an image.
+        """
+
+    def supply(self, topic: str, msgtype: str) -> ImageSupply:
+        """Images that come from a node of the process from now on, and no longer over DDS.
+
+        Args:
+            topic: its full name.
+            msgtype: of the images.
         """
 
     def is_used(self, override: str) -> bool:

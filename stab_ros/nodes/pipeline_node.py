@@ -14,6 +14,7 @@ from stab_ros.core.memory import keep_freed_memory
 from stab_ros.core.settings import Range, checked
 from stab_ros.nodes import params
 from stab_ros.nodes.background_compilation import BackgroundCompilation
+from stab_ros.nodes.bag_player_node import BagPlayerNode
 from stab_ros.nodes.discharge_node import DischargeNode
 from stab_ros.nodes.georeference_node import GeoreferenceNode
 from stab_ros.nodes.image_hub import ImageHub
@@ -26,9 +27,9 @@ from stab_ros.nodes.transport import use_profile
 from stab_ros.nodes.velocimetry_node import VelocimetryNode
 from stab_ros.parameters.node_settings import PipelineSettings
 
-NODES: Mapping[str, type[TrackerNode | GeoreferenceNode | VelocimetryNode | DischargeNode]] = {
+NODES: Mapping[str, type[TrackerNode | GeoreferenceNode | VelocimetryNode | DischargeNode | BagPlayerNode]] = {
     "tracker": TrackerNode, "georeference": GeoreferenceNode, "velocimetry": VelocimetryNode,
-    "discharge": DischargeNode}
+    "discharge": DischargeNode, "player": BagPlayerNode}
 SETTINGS = params.table_of(PipelineSettings)
 _WAIT_S = 0.1  # until a signal is noticed
 

@@ -146,7 +146,8 @@ class PipelineSettings(Checked):
     """Settings of the pipeline, which holds several nodes in one process."""
 
     nodes: str = setting(
-        "[tracker, velocimetry]", "Nodes of the process, a list of tracker, georeference, velocimetry and discharge")
+        "[tracker, velocimetry]", "Nodes of the process, a list of tracker, georeference, velocimetry, discharge and "
+        "player")
     wait_for_nodes: int = setting(
         0, "Number of nodes of the process that must be ready for images before any is taken; as many as take them, "
         "where a recording is played and none is to be lost", 0, 3)

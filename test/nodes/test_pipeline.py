@@ -14,6 +14,7 @@ from conftest import Command
 from diagnostic_msgs.msg import DiagnosticArray
 from image_publisher import FRAMES, by_the_engine, shots
 from live_graph import Graph, image_message
+from rclpy.qos import ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from recordings import entries, write_mcap
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
@@ -55,6 +56,11 @@ except (KeyboardInterrupt, ExternalShutdownException):
 """
 
 
+def placed(reports: list[Any]) -> set[str]:
+    """How many frames were placed, as reports of velocimetry tell it."""
+    return {pair.value for one in reports for pair in one.status[0].values if pair.key == "frames_placed"}
+
+
 def test_live_gives_what_the_commands_give(
     graph: Graph, flight: list[Shot], executable: Command, tmp_path: Path
 ) -> None:
@@ -93,6 +99,30 @@ def test_live_gives_what_the_commands_give(
     for topic, live in clouds.items():
         check_same([serialize_message(one) for one in live], offline[topic])
     assert "WARN" not in pipeline.log
+
+
+def test_a_player_in_the_process_hands_its_images_over(graph: Graph, tmp_path: Path) -> None:
+    """Not over DDS, and none is lost though it plays faster than the others work."""
+    flown = write_mcap(tmp_path / "flown.mcap", list(entries(shots())))
+    answers: list[Any] = graph.listen(CameraInfo, "/cam/homography", 500)
+    reports: list[Any] = graph.listen(DiagnosticArray, "/diagnostics")
+    seen: set[str] = set()  # who subscribed to images
+    pipeline = graph.start("pipeline_node", "/cam", nodes=["player", *NODES], queue_depth=0, use_camera_info=False, **{
+        "bag_player_node:bag": str(flown), "bag_player_node:rate": 100.0, "bag_player_node:wait_for_subscribers": 2,
+        "tracker_node:wait_for_subscribers": 2})
+
+    def all_answered() -> bool:
+        if graph.node.count_publishers("/cam/image_raw"):  # while it plays
+            seen.update(one.node_name for one in graph.node.get_subscriptions_info_by_topic("/cam/image_raw"))
+        return len(answers) == FRAMES
+
+    graph.until(all_answered, "every frame answered")
+    graph.until(lambda: f"{FRAMES}" in placed(reports), "every frame placed")
+    assert not seen
+    assert {"0"} == {pair.value for one in reports for pair in one.status[0].values if pair.key == "frames_dropped"}
+    for answer, H in zip(answers, by_the_engine(), strict=True):
+        np.testing.assert_allclose(homography(answer), H, rtol=0, atol=1e-9)
+    assert pipeline.stop() == 0
 
 
 def test_each_node_has_its_states(graph: Graph, flight: list[Shot]) -> None:
@@ -151,8 +181,7 @@ def test_nodes_share_images_in_a_process_of_somebody_else(graph: Graph, kind: st
         for shot in shots():
             images.publish(image_message(shot.image, shot.stamp_ns))
         graph.until(lambda: len(answers) == len(again) == FRAMES, "every frame answered, and heard by the other node")
-        graph.until(lambda: f"{FRAMES}" in {pair.value for one in reports for pair in one.status[0].values
-                                            if pair.key == "frames_placed"}, "every frame placed")
+        graph.until(lambda: f"{FRAMES}" in placed(reports), "every frame placed")
         process.send_signal(signal.SIGINT)
     assert "Traceback" not in log.read_text()
     assert {report.status[0].name for report in reports} == {"cam/tracker_node", "cam/velocimetry_node"}
@@ -180,7 +209,10 @@ def test_what_cannot_be_ends_with_a_line(
 def test_signals_end_all_nodes_at_once(graph: Graph) -> None:
     graph.listen(CameraInfo, "/cam/homography")
     pipeline = graph.start("pipeline_node", "/cam", nodes=["tracker", "georeference", "velocimetry"],
-                           orientation="stationary_nadir", height_m=20.0, use_camera_info=False)
+                           orientation="stationary_nadir", height_m=20.0, use_camera_info=False,
+                           **{"qos_overrides./cam/image_raw.subscription.reliability": "best_effort"})
     graph.until(lambda: graph.node.count_subscribers("/cam/image_raw"), "images taken")
+    (taken,) = graph.node.get_subscriptions_info_by_topic("/cam/image_raw")
+    assert (taken.node_name, taken.qos_profile.reliability) == ("pipeline_node", ReliabilityPolicy.BEST_EFFORT)
     assert pipeline.stop(signal.SIGTERM) == 0
     assert "Traceback" not in pipeline.log
