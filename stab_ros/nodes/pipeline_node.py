@@ -32,6 +32,7 @@ NODES: Mapping[str, type[TrackerNode | GeoreferenceNode | VelocimetryNode | Disc
     "discharge": DischargeNode, "player": BagPlayerNode}
 SETTINGS = params.table_of(PipelineSettings)
 _WAIT_S = 0.1  # until a signal is noticed
+_SWITCH_S = 0.0005  # a tracker that comes back from a kernel waits no longer for another node's Python code
 
 
 class PipelineNode(ImageHub):
@@ -70,6 +71,7 @@ def run(stop: StopRequest) -> int:
     """
     stop.defer()
     keep_freed_memory()
+    sys.setswitchinterval(_SWITCH_S)
     warnings: list[str | None] = [use_profile(), init()]
     compilation: BackgroundCompilation | None = None
     try:
