@@ -100,9 +100,9 @@ def test_live_gives_what_the_commands_give(
     assert pipeline.stop() == 0, pipeline.log
     graph.until(lambda: all(len(one) == len(offline["velocity"]) for one in clouds.values()), "the last interval")
     for message, cdr in zip(homographies, tracked, strict=True):
-        (now_ns, live), (stamp_ns, offline_H) = read_homography(serialize_message(message)), read_homography(cdr)
+        (now_ns, now_H), (stamp_ns, offline_H) = read_homography(serialize_message(message)), read_homography(cdr)
         assert now_ns == stamp_ns
-        np.testing.assert_array_equal(live, offline_H)
+        np.testing.assert_array_equal(np.array(now_H), np.array(offline_H))
     for topic, live in clouds.items():
         check_same([serialize_message(one) for one in live], offline[topic])
     assert "WARN" not in pipeline.log
@@ -224,9 +224,10 @@ def test_what_cannot_be_ends_with_a_line(
 
 def test_signals_end_all_nodes_at_once(graph: Graph) -> None:
     graph.listen(CameraInfo, "/cam/homography")
-    pipeline = graph.start("pipeline_node", "/cam", nodes=["tracker", "georeference", "velocimetry"],
-                           orientation="stationary_nadir", height_m=20.0, use_camera_info=False,
-                           **{"qos_overrides./cam/image_raw.subscription.reliability": "best_effort"})
+    parameters: dict[str, Any] = {
+        "nodes": ["tracker", "georeference", "velocimetry"], "orientation": "stationary_nadir", "height_m": 20.0,
+        "use_camera_info": False, "qos_overrides./cam/image_raw.subscription.reliability": "best_effort"}
+    pipeline = graph.start("pipeline_node", "/cam", **parameters)
     graph.until(lambda: graph.node.count_subscribers("/cam/image_raw"), "images taken")
     (taken,) = graph.node.get_subscriptions_info_by_topic("/cam/image_raw")
     assert taken.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
