@@ -90,6 +90,7 @@ setup(
             "georeference_node = stab_ros.nodes.georeference:main",
             "velocimetry_node = stab_ros.nodes.velocimetry:main",
             "discharge_node = stab_ros.nodes.discharge:main",
+            "pipeline_node = stab_ros.nodes.pipeline:main",
             "bag_player_node = stab_ros.nodes.bag_player:main",
             "bag_recorder_node = stab_ros.nodes.bag_recorder:main",
         ],

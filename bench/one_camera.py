@@ -16,10 +16,10 @@ from pathlib import Path
 import rclpy
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
-from sensor_msgs.msg import Image
 
 from stab_ros.core.memory import keep_freed_memory
 from stab_ros.io.bag import open_bag
+from stab_ros.nodes.runtime import message_class
 from stab_ros.nodes.transport import use_profile
 
 _BEFORE, _STAMP_END = 4, 12  # bytes of a serialised message: what comes before its stamp, and with it
@@ -31,10 +31,11 @@ def main(path: str, rate_hz: float, count: int, listeners: int) -> None:
     use_profile()
     keep_freed_memory()
     with open_bag(Path(path)) as bag:
+        (topic,) = bag.topics.values()
         bodies = [(message.data[:_BEFORE], memoryview(message.data)[_STAMP_END:]) for message in bag.messages()]
     rclpy.init()
     node = rclpy.create_node("camera")
-    images = node.create_publisher(Image, "image_raw", QoSProfile(depth=1))
+    images = node.create_publisher(message_class(topic.msgtype), topic.name, QoSProfile(depth=1))
     while images.get_subscription_count() < listeners:
         time.sleep(0.01)
     time.sleep(_SETTLED_S)

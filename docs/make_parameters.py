@@ -19,6 +19,7 @@ from stab_ros.parameters.node_settings import (
     EvaluatorSettings,
     GeoreferenceSettings,
     ManagedSettings,
+    PipelineSettings,
     TrackerSettings,
     VelocimetrySettings,
 )
@@ -61,6 +62,7 @@ _DISCHARGE = "Discharge: `discharge_node`"
 _NODES = {"tracker_node": TrackerSettings, "evaluator_node": EvaluatorSettings,
           "georeference_node": GeoreferenceSettings, "velocimetry_node": VelocimetrySettings,
           "discharge_node": DischargeSettings,
+          "pipeline_node": PipelineSettings,
           "bag_player_node": PlayerSettings,
           "bag_recorder_node": RecorderSettings}
 # a list of strings, which no settings dataclass holds: the recorder declares it by itself

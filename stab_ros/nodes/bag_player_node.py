@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
@@ -18,9 +18,10 @@ from tqdm import tqdm
 from stab_ros.core.errors import InputError
 from stab_ros.core.settings import Checked, setting
 from stab_ros.core.text import counted
-from stab_ros.io.bag import BagReader, Message, open_bag
+from stab_ros.io.bag import BagReader, Message, Topic, open_bag
 from stab_ros.io.cdr import SECOND_NS
 from stab_ros.io.diagnostics_message import OK
+from stab_ros.io.image_message import IMAGE_TYPES
 from stab_ros.io.image_topic import holds_images
 from stab_ros.io.topics import CLOCK_TOPIC
 from stab_ros.nodes import params
@@ -31,7 +32,13 @@ from stab_ros.nodes.managed_node import StabNode
 from stab_ros.nodes.qos import replay_qos
 from stab_ros.nodes.runtime import message_class
 from stab_ros.nodes.schedule import Schedule
+from stab_ros.nodes.shared_publisher import SharedImagePublisher
 from stab_ros.nodes.spinner import Spinner
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from stab_ros.nodes.node_options import NodeOptions
 
 _TICK_NS = 20_000_000  # period of /clock
 _STALL_NS = 200_000_000  # delay that counts as a stall: by a slow subscriber, or as the process was stopped
@@ -59,8 +66,8 @@ class BagPlayerNode(StabNode):
 
     COMPOSABLE = False
 
-    def __init__(self, given: Mapping[str, object]) -> None:
-        super().__init__("bag_player_node", given)
+    def __init__(self, given: Mapping[str, object] | None = None, **options: Unpack[NodeOptions]) -> None:
+        super().__init__("bag_player_node", given, **options)
 
     # lifecycle -------------------------------------------------------------------------------------------------------
     def configure(self) -> None:
@@ -133,9 +140,14 @@ class BagPlayerNode(StabNode):
             except InputError as error:
                 self.get_logger().warning(f"{topic.name} is left out: {error}")
                 continue
-            self._outputs[topic.name] = CdrPublisher(self, msg_class, topic.name, replay_qos(topic.qos), lossless=True)
+            self._outputs[topic.name] = self._output(topic, msg_class)
         if not self._outputs:
             raise InputError(f"{self.settings.bag}: no topic can be played, it must hold messages of installed types")
+
+    def _output(self, topic: Topic, msg_class: Any) -> CdrPublisher:
+        if self.images is not None and topic.msgtype in IMAGE_TYPES:
+            return SharedImagePublisher(self, msg_class, topic.name, replay_qos(topic.qos), self.images)
+        return CdrPublisher(self, msg_class, topic.name, replay_qos(topic.qos), lossless=True)
 
     def _wait_for_subscribers(self, bag: BagReader, spinner: Spinner) -> None:
         images = [name for name in self._outputs if holds_images(bag.topics[name])]

@@ -5,42 +5,49 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping
 
-from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage, Image
 
 from stab_ros.io.cdr import COMPRESSED_IMAGE, IMAGE
 from stab_ros.io.topics import RAW_TOPIC, compressed_topic
 from stab_ros.nodes.gap_counter import GapCounter
+from stab_ros.nodes.image_hub import RELIABLE_FIX
+from stab_ros.nodes.image_source import ImageSubscription
+from stab_ros.nodes.managed_node import StabNode
 from stab_ros.nodes.qos import AdaptiveSubscription, keep_all_reliable, newest_only
+from stab_ros.nodes.received_image import ReceivedImage
 
 _HELD_IMAGES = 100
 
 
 class ImageInput:
-    """Passes every image on as CDR with the time of its publication, ns.
+    """Passes every image on, of a subscription of its own or of the node's process (`images`).
 
     compressed: subscribe to the topic's compressed images. keep_all: every image counts, not only the newest. may_pass:
     while it is false, images are held until `release`, or dropped unless `keep_all`. dropped: is told how many images
     were lost.
     """
 
-    def __init__(self, node: Node, compressed: bool, keep_all: bool, may_pass: Callable[[], bool],
-                 take: Callable[[bytes, int], None], dropped: Callable[[int], None], topic: str = RAW_TOPIC) -> None:
+    def __init__(self, node: StabNode, compressed: bool, keep_all: bool, may_pass: Callable[[], bool],
+                 take: Callable[[ReceivedImage], None], dropped: Callable[[int], None], topic: str = RAW_TOPIC) -> None:
         self.msgtype = COMPRESSED_IMAGE if compressed else IMAGE
         self._node, self._keep_all, self._topic = node, keep_all, topic
         self._may_pass, self._take, self._dropped = may_pass, take, dropped
         self._gaps = GapCounter()
-        self._held: deque[tuple[bytes, int]] = deque(maxlen=_HELD_IMAGES)
-        self._subscription: AdaptiveSubscription | None = None
+        self._held: deque[ReceivedImage] = deque(maxlen=_HELD_IMAGES)
+        self._subscription: ImageSubscription | None = None
 
     def open(self) -> str:
         """Subscribes; returns the full name of the topic."""
-        msg_class = CompressedImage if self._compressed else Image
-        topic = self._compressed_topic if self._compressed else self._topic
-        choose = keep_all_reliable if self._keep_all else newest_only
-        self._subscription = AdaptiveSubscription(self._node, msg_class, topic, self._on_image, choose,
-                                                  "let it offer RELIABLE, or set queue_depth:=1")
+        topic = self._compressed_topic if self._compressed else self._node.resolve_topic_name(self._topic)
+        images = self._node.images
+        self._subscription = self._subscribe(topic) if images is None else images.join(
+            self._node, topic, self._compressed, self._keep_all, self._on_image)
         return self._subscription.topic
+
+    def _subscribe(self, topic: str) -> AdaptiveSubscription:
+        msg_class = CompressedImage if self._compressed else Image
+        return AdaptiveSubscription(self._node, msg_class, topic, self._on_cdr,
+                                    keep_all_reliable if self._keep_all else newest_only, RELIABLE_FIX)
 
     def close(self) -> None:
         """Ends the subscription, until `open` is called again; images that are held are dropped."""
@@ -88,17 +95,20 @@ class ImageInput:
     def release(self) -> None:
         """Passes the held images on."""
         while self._held:
-            self._take(*self._held.popleft())
+            self._take(self._held.popleft())
 
-    def _on_image(self, cdr: bytes, info: Mapping[str, int]) -> None:
-        self._dropped(self._gaps.missed(info["publication_sequence_number"], self.publishers))
+    def _on_cdr(self, cdr: bytes, info: Mapping[str, int]) -> None:
+        self._on_image(ReceivedImage(cdr, self.msgtype, info))
+
+    def _on_image(self, image: ReceivedImage) -> None:
+        self._dropped(self._gaps.missed(image.number, self.publishers))
         if self._may_pass():
-            self._take(cdr, info["source_timestamp"])
+            self._take(image)
         else:
-            self._hold(cdr, info["source_timestamp"])
+            self._hold(image)
 
-    def _hold(self, cdr: bytes, source_ns: int) -> None:
+    def _hold(self, image: ReceivedImage) -> None:
         room = _HELD_IMAGES if self._keep_all else 0
         self._dropped(int(len(self._held) >= room))
         if room:
-            self._held.append((cdr, source_ns))
+            self._held.append(image)

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState
-from rcl_interfaces.msg import ParameterDescriptor, ParameterType, SetParametersResult
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
@@ -49,10 +49,10 @@ from stab_ros.parameters.node_settings import ManagedSettings
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from stab_ros.nodes.node_options import NodeOptions
+    from stab_ros.nodes.image_source import ImageSource
+    from stab_ros.nodes.node_options import RosOptions
 
 _NO_CLOCK = "use_sim_time is set, but nobody publishes /clock; the time is zero until somebody does"
-_SIM_TIME = "Whether the time of diagnostics and recordings is that of /clock; results are timed by header stamps"
 _UNUSED_NS = 5 * SECOND_NS  # of free time while active, after which it is told that nothing uses an override of QoS
 _POLL_NS = SECOND_NS // 10
 _REPORT_S = 1.0
@@ -76,17 +76,20 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         is_configured: whether it is inactive or active.
         is_active: whether it takes images.
         waits: whether it activates itself only when told to, and not at the first spin.
+        images: who takes images for it; None: nobody else does.
     """
 
     COMPUTES: ClassVar[bool] = False  # whether it uses kernels, which are compiled before it takes images
     COMPOSABLE: ClassVar[bool] = True  # whether callbacks do its work, so that any executor can spin it
 
-    def __init__(self, name: str, given: Mapping[str, Any] | None = None, **options: Unpack[NodeOptions]) -> None:
+    def __init__(self, name: str, given: Mapping[str, Any] | None = None, images: ImageSource | None = None,
+                 **options: Unpack[RosOptions]) -> None:
         """Makes the node, and configures it unless `autostart` is false.
 
         Args:
             name: of the node, unless it is remapped.
             given: parameters that are overridden.
+            images: see the attribute.
             options: as of rclpy's node.
 
         Raises:
@@ -100,7 +103,8 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
             raise ConfigError(f"a parameter was given an empty value, it must be left out instead ({error})") from error
         except RuntimeError as error:  # rclpy's RCLError, as where security is asked for and cannot be had
             raise InputError(f"the node cannot be made: {str(error).split(', at ')[0]}") from error
-        self.stop, self.free = StopRequest(), FreeTime()
+        self.stop, self.free, self.images = StopRequest(), FreeTime(), images
+        self.others = () if images is None else images.parameters
         self.at_once: CallbackGroup = MutuallyExclusiveCallbackGroup()
         self._read_at_once()
         self.is_configured = self.is_active = self.waits = False
@@ -108,8 +112,6 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         self._refusal: StabRosError | None = None  # of the last transition
         self._closing: list[Callable[[], None]] = []
         self._before = _Made(self)  # what there was before `configure`
-        self.set_descriptor("use_sim_time",
-                            ParameterDescriptor(type=ParameterType.PARAMETER_BOOL, description=_SIM_TIME))
         for line in check_overrides(self):
             self.get_logger().warning(line)
         topic = self.resolve_topic_name(DIAGNOSTICS_TOPIC)
@@ -355,7 +357,7 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         if not self.is_active or self.free.ns - self._activated_ns < _UNUSED_NS:
             return
         for name, line in unused_overrides(self).items():
-            if name not in self._told_unused:
+            if name not in self._told_unused and not (self.images is not None and self.images.is_used(name)):
                 self._told_unused.add(name)
                 self.get_logger().warning(line)
 

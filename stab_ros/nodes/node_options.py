@@ -7,8 +7,10 @@ from typing import TypedDict
 from rclpy.context import Context
 from rclpy.parameter import Parameter
 
+from stab_ros.nodes.image_source import ImageSource
 
-class NodeOptions(TypedDict, total=False):
+
+class RosOptions(TypedDict, total=False):
     """Keyword arguments with the meaning that they have for `rclpy.node.Node`.
 
     use_global_arguments: whether remappings and parameters of the process, such as `__node` and `__ns`, hold for the
@@ -22,3 +24,9 @@ class NodeOptions(TypedDict, total=False):
     use_global_arguments: bool
     parameter_overrides: list[Parameter]
     enable_logger_service: bool
+
+
+class NodeOptions(RosOptions, total=False):
+    """images: who takes images for the node, with others of its process; else it subscribes to them by itself."""
+
+    images: ImageSource

@@ -6,7 +6,13 @@ import sys
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    ParameterType,
+    SetParametersResult,
+)
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
@@ -18,9 +24,10 @@ from stab_ros.parameters.table import Parameter, parameters_of
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from stab_ros.nodes.node_options import NodeOptions
+    from stab_ros.nodes.node_options import RosOptions
 
 _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "autostart")
+_SIM_TIME = "Whether the time of diagnostics and recordings is that of /clock; results are timed by header stamps"
 _LARGEST_INTEGER = 2**63 - 1
 
 
@@ -31,9 +38,10 @@ class DeclaringNode(Node):
         defaulted: parameters that nobody has given, by name, and their defaults.
         fixed: those that a configured node cannot change.
         autostart: whether it configures itself; if not, nothing is read-only.
+        others: names of parameters that reach it, but are for another node of its process.
     """
 
-    def __init__(self, name: str, given: Mapping[str, Any] | None = None, **options: Unpack[NodeOptions]) -> None:
+    def __init__(self, name: str, given: Mapping[str, Any] | None = None, **options: Unpack[RosOptions]) -> None:
         """Makes the node with what is given declared as it comes, so that `declare` can judge it.
 
         Args:
@@ -49,9 +57,12 @@ class DeclaringNode(Node):
                                           *(RosParameter(key, value=value) for key, value in (given or {}).items())]
         super().__init__(automatically_declare_parameters_from_overrides=True, allow_undeclared_parameters=True,
                          **options)
+        self.set_descriptor("use_sim_time",
+                            ParameterDescriptor(type=ParameterType.PARAMETER_BOOL, description=_SIM_TIME))
         self.defaulted: dict[str, Value] = {}
         self.fixed: set[str] = set()
         self.autostart = True
+        self.others: Collection[str] = ()
 
 
 def table_of(settings: type[Any]) -> dict[str, Parameter]:
@@ -135,10 +146,10 @@ def describe(limits: Range, value: Value, read_only: bool) -> ParameterDescripto
     return shown
 
 
-def warn_of_unknown(node: Node, known: Collection[str]) -> None:
+def warn_of_unknown(node: DeclaringNode, known: Collection[str]) -> None:
     """Logs every override of a parameter that the node does not have, with similar names."""
     for name in node.get_parameters_by_prefix(""):
-        if name in known or name in _OF_EVERY_NODE or name.startswith(PREFIX):
+        if name in known or name in _OF_EVERY_NODE or name in node.others or name.startswith(PREFIX):
             continue
         node.get_logger().warning(unknown(name, known))
 

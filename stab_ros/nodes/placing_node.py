@@ -18,7 +18,6 @@ from stab_ros.georeferencing.settings import GeoreferenceConfig, needs_level, ne
 from stab_ros.io.attitude_message import Attitude
 from stab_ros.io.cdr import SECOND_NS
 from stab_ros.io.fix_message import Fix
-from stab_ros.io.image_message import read_image
 from stab_ros.io.topics import FIX_TOPIC, STABILIZED_TOPIC, WATER_LEVEL_TOPIC
 from stab_ros.io.water_level_message import WaterLevel
 from stab_ros.jobs.sensor_feed import Sample
@@ -31,6 +30,7 @@ from stab_ros.nodes.level_stamps import LevelStamps
 from stab_ros.nodes.managed_node import StabNode
 from stab_ros.nodes.motion_input import MotionInput, Told
 from stab_ros.nodes.patience import Patience
+from stab_ros.nodes.received_image import ReceivedImage
 from stab_ros.nodes.sensor_inputs import SensorInputs
 from stab_ros.nodes.stamp_monitor import StampMonitor
 from stab_ros.nodes.stamp_pairing import Pair, StampPairing
@@ -190,9 +190,9 @@ class PlacingNode(StabNode):
     def _on_dropped(self, images: int) -> None:
         self.status.count("frames_dropped", images)
 
-    def _on_image(self, cdr: bytes, source_ns: int) -> None:
+    def _on_image(self, image: ReceivedImage) -> None:
         try:
-            frame = read_image(cdr, self._images.msgtype)
+            frame = image.frame()
         except MessageError as error:
             self.status.count("frames_refused")
             self.warn("refused", f"refused an image: {error}")
@@ -204,7 +204,7 @@ class PlacingNode(StabNode):
         self.status.on_image(self.free.ns)
         self._newest_ns = frame.stamp_ns
         self._tell_level(self._levels.advance(frame.stamp_ns))
-        taken = Taken(frame, source_ns)
+        taken = Taken(frame, image.source_ns)
         if self.takes_motion:
             self._place(self._frames.ask(frame.stamp_ns, taken))
         else:

@@ -88,7 +88,7 @@ def overridden(node: Node, entity: Entity, topic: str, qos: QoSProfile) -> tuple
     chosen = copy.copy(qos)
     for policy, name in given.items():
         _apply(chosen, _POLICIES[policy], _judged(name, node.get_parameter(name).value, _POLICIES[policy]))
-        if not _is_used(node, name):
+        if not is_used(node, name):
             node.undeclare_parameter(name)  # for rclpy to declare it anew, with a description
     return chosen, QoSOverridingOptions([_POLICIES[policy] for policy in dict.fromkeys((*_SHOWN[entity], *given))])
 
@@ -123,10 +123,10 @@ def _allowed(entity: str) -> list[str]:
 
 def _unused(node: Node) -> list[str]:
     """Overrides as they were given at the start."""
-    return [name for name in node.get_parameters_by_prefix("") if name.startswith(PREFIX) and not _is_used(node, name)]
+    return [name for name in node.get_parameters_by_prefix("") if name.startswith(PREFIX) and not is_used(node, name)]
 
 
-def _is_used(node: Node, name: str) -> bool:
+def is_used(node: Node, name: str) -> bool:
     """Whether rclpy has declared it for a publisher or subscription."""
     return bool(node.describe_parameter(name).read_only)
 

@@ -37,7 +37,7 @@ def run(make: Callable[[], StabNode], stop: StopRequest) -> int:
     """
     stop.defer()  # an exception in the middle of rclpy or of a destructor would be lost or leave a trace
     keep_freed_memory()
-    warnings: list[str | None] = [use_profile(), _init()]
+    warnings: list[str | None] = [use_profile(), init()]
     compilation: BackgroundCompilation | None = None
     try:
         node = make()
@@ -46,7 +46,7 @@ def run(make: Callable[[], StabNode], stop: StopRequest) -> int:
         for warning in filter(None, warnings):
             node.get_logger().warning(warning)
         compilation = BackgroundCompilation() if node.COMPUTES else None
-        _spin(node, stop, compilation)
+        spin(node, compilation)
     finally:
         rclpy.try_shutdown()
     if compilation is not None and not compilation.done:
@@ -54,8 +54,13 @@ def run(make: Callable[[], StabNode], stop: StopRequest) -> int:
     return 0
 
 
-def _spin(node: StabNode, stop: StopRequest, compilation: BackgroundCompilation | None) -> None:
-    spinner = Spinner(node, node.at_once, stop, node.free, node.on_failure)
+def spin(node: StabNode, compilation: BackgroundCompilation | None) -> None:
+    """Runs a node on this thread until its `stop`, and destroys it. compilation: that it waits for; None: for none.
+
+    Raises:
+        StabRosError: it cannot take images, or its work broke off.
+    """
+    spinner = Spinner(node, node.at_once, node.stop, node.free, node.on_failure)
     try:
         if compilation is not None:
             _compile(node, spinner, compilation)
@@ -83,8 +88,12 @@ def _compile(node: StabNode, spinner: Spinner, compilation: BackgroundCompilatio
         compilation.tell(log)
 
 
-def _init() -> str:
-    """Initialises rclpy; returns a warning, "" for none."""
+def init() -> str:
+    """Initialises rclpy; returns a warning, "" for none.
+
+    Raises:
+        InputError: bad ROS arguments.
+    """
     set_logger_level("rcl", LoggingSeverity.FATAL)  # rcl would print its own line beside ours
     warning = log_folder.problem(os.environ)
     words = [*sys.argv, *(log_folder.NO_LOG_FILE if warning else ())]

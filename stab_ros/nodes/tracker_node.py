@@ -15,7 +15,6 @@ from stab_ros.core.timeline import Advance
 from stab_ros.core.types import Frame, LostReason, ResetReason, State, Track
 from stab_ros.io.advice import FixedToCamera, why_anew
 from stab_ros.io.cdr import SECOND_NS, Header, header_of
-from stab_ros.io.image_message import read_image
 from stab_ros.io.topics import HOMOGRAPHY_TOPIC
 from stab_ros.nodes import params
 from stab_ros.nodes.camera_info_subscription import CameraInfoSubscription
@@ -23,6 +22,7 @@ from stab_ros.nodes.failures import Failures
 from stab_ros.nodes.image_input import ImageInput
 from stab_ros.nodes.lost_log import LostLog
 from stab_ros.nodes.managed_node import StabNode
+from stab_ros.nodes.received_image import ReceivedImage
 from stab_ros.nodes.reference_file import ReferenceFile
 from stab_ros.nodes.reference_services import ReferenceServices
 from stab_ros.nodes.sleep import Sleep
@@ -178,11 +178,11 @@ class TrackerNode(StabNode):
         self._input.release()
 
     # tracking --------------------------------------------------------------------------------------------------------
-    def _track(self, cdr: bytes, source_ns: int) -> None:
+    def _track(self, image: ReceivedImage) -> None:
         self._reset_if_asked()
-        index = self.stabilizer.frames
+        index, source_ns = self.stabilizer.frames, image.source_ns
         try:
-            frame = _read(cdr, self._input.msgtype)
+            frame = _read(image)
             if self._stamps.is_duplicate(frame.stamp_ns):
                 self.status.on_dropped(1)
                 self._warn_of_stamp(Advance.SAME)
@@ -369,9 +369,9 @@ def _compressed_settings(values: Mapping[str, Value]) -> CompressedSettings:
     return CompressedSettings(**chosen)
 
 
-def _read(cdr: bytes, msgtype: str) -> Frame:
+def _read(image: ReceivedImage) -> Frame:
     """The frame in a message. Raises MessageError also if it is too small to track anything in it."""
-    frame = read_image(cdr, msgtype)
+    frame = image.frame()
     if min(frame.size) < SMALLEST_PX:
         raise MessageError(f"image width x height is {frame.size[0]}x{frame.size[1]}, "
                            f"both must be at least {SMALLEST_PX} px")

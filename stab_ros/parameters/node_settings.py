@@ -148,3 +148,15 @@ class DischargeSettings(Checked):
         10.0, "Time in seconds without velocities, while free to take them, before the state is STALE", 0.05, 3600.0)
     wait_for_subscribers: int = setting(
         0, "Number of subscribers to discharge to wait for before taking velocities", 0, 1000)
+
+
+@dataclass(frozen=True)
+class PipelineSettings(Checked):
+    """Settings of the pipeline, which holds several nodes in one process."""
+
+    nodes: str = setting(
+        "[tracker, velocimetry]", "Nodes of the process, a list of tracker, georeference, velocimetry, discharge and "
+        "player")
+    wait_for_nodes: int = setting(
+        0, "Number of nodes of the process that must be ready for images before any is taken; as many as take them, "
+        "where a recording is played and none is to be lost", 0, 3)

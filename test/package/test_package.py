@@ -23,7 +23,7 @@ def test_version_is_the_same_everywhere() -> None:
 
 @pytest.mark.parametrize("name", [
     "stab-ros", "tracker_node", "evaluator_node", "georeference_node", "velocimetry_node", "discharge_node",
-    "bag_player_node", "bag_recorder_node"])
+    "pipeline_node", "bag_player_node", "bag_recorder_node"])
 def test_executable_has_something_to_run(name: str) -> None:
     (script,) = entry_points(group="console_scripts", name=name)
     assert inspect.signature(script.load()).return_annotation == "int"  # its exit code
