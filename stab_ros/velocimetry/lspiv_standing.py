@@ -19,8 +19,8 @@ from stab_ros.velocimetry.correlation_blocks import from_spline
 _LEAST_ALIKE = 0.25  # correlation of the two means
 _LEAST_SHARE = 0.05  # of the power of the pictures; of less than that no peak is drawn aside
 _LONG_WAY_PX = 10.0  # of water in the interval that leaves next to nothing in common to its quarters
-_SHORTEST_WAY_PX = 6.0  # of water that is told from what stands by how much slower it seems to be with it
-_SLOWER, _MUCH_SLOWER = 0.85, 0.65  # times as fast, after a long and a short way
+_SHORT_WAY_PX, _SHORTEST_WAY_PX = 6.0, 3.0  # of water that is told from what stands by how much slower it is with it
+_SLOWER, _MUCH_SLOWER, _FAR_SLOWER = 0.85, 0.65, 0.4  # times as fast, after a long, a short and the shortest way
 _LOST_PX = 4.5  # way on which the mean takes all of a moving pattern: twice the band-pass's correlation length
 
 
@@ -45,13 +45,14 @@ def may_stand(pictures: Sequence[IdArray], centres_px: FloatArray, side_px: int)
 def over_bed(way_px: FloatArray, plain_way_px: FloatArray) -> BoolArray:
     """(N,) bool: where water is much slower in pictures as they are than without what stands still in them.
 
-    The mean takes part of slow water with it, too, which makes it seem faster by a few tenths.
+    The mean takes part of slow water with it, too, which makes it seem faster by a few tenths: without a bed the plain
+    way is 0.62 or more of the other one, over one that is stronger than the water's pattern 0.2 or less.
 
     Args:
         way_px: (N,) in the interval, in pictures without their mean; NaN: unknown.
         plain_way_px: (N,) in the pictures as they are; NaN: unknown.
     """
-    share = np.where(goes(way_px), _SLOWER, _MUCH_SLOWER)
+    share = np.select([goes(way_px), way_px >= _SHORT_WAY_PX], [_SLOWER, _MUCH_SLOWER], _FAR_SLOWER)
     return np.asarray((way_px >= _SHORTEST_WAY_PX) & (plain_way_px < share * way_px))
 
 

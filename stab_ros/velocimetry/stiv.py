@@ -27,7 +27,7 @@ from stab_ros.velocimetry.vectors_join import joined
 
 _MOST_FRAMES = 512  # of an interval that are kept; of more, every second is let go
 _LEAST_FRAMES = 10
-_LEAST_SAMPLES = 32  # of a line
+_LEAST_SAMPLES = 48  # of a line
 _FASTEST_PX = 16.0  # per frame, where no speed is given
 
 

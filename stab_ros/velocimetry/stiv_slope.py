@@ -16,11 +16,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.fft import next_fast_len
 from scipy.special import stdtrit
 
 from stab_ros.core.types import FloatArray, IdArray
+from stab_ros.velocimetry.stiv_spectra import Spectra
 from stab_ros.velocimetry.stiv_standing import Compared, apparent_slope
 
 _SEARCH_LAGS = (1, 2, 3, 4)  # frames
@@ -29,15 +28,15 @@ _LEAST_RATIO = 1.1  # of the highest peak of the search to the next
 _PEAK_RADIUS = 12  # steps of the search within which no other peak is sought
 _STEPS = 2  # of Newton's method for each longest lag
 _LAGS = 8  # number of lags, even up to the longest
-_STRIPES = 12  # number of independent columns that is aimed at
-_NARROWEST_PX = 8  # of a column
-_END_PX = 8  # of the line on each side, which the band-pass blurs
-_STANDING = 0.9  # sizes of the pattern on its way, at which the slope is unknown; found on rendered textures
+_STRIPES = 14  # number of columns that is aimed at
+_NARROWEST_PX = 12  # of a column; foam and what eddies deform are as wide
+_LARGEST_SHARE = 0.9  # of one column in the slope, beyond which its scatter tells nothing
+_STANDING = 1.0  # sizes of the pattern on its way, at which the slope is unknown; found on rendered textures
 _TWO_SIGMA = 0.97725  # share of a normal distribution below two standard deviations
 _LONG_WAY = 50.0  # sizes of the pattern: beyond, what is lost with what stands does not turn the slope
 _LEAST_SHARED = 0.4  # of the line: what a lag compares, else few samples are alike by chance
+_LEAST_OVERLAP = 0.1  # so that nothing is divided by 0; a lag of less has no weight
 _LEAST_WAY = 5.0  # of a pattern, in its sizes: below, too much of it is taken for standing
-_LOW_PASS_PX, _HIGH_PASS_PX = 1.0, 16.0  # standard deviations of Gaussians
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +81,7 @@ def slope_of(image: FloatArray, time_s: FloatArray, most_px_s: float) -> Slope |
     Returns:
         The slope; None: there is no pattern with a clear one.
     """
-    spectra = _Spectra(image, time_s)
+    spectra = Spectra.of(image, time_s)
     velocity = _searched(spectra, most_px_s)
     longest = 2
     while velocity is not None and longest < len(image) // 2:
@@ -91,40 +90,7 @@ def slope_of(image: FloatArray, time_s: FloatArray, most_px_s: float) -> Slope |
     return None if velocity is None else _measured(spectra, velocity, longest)
 
 
-class _Spectra:
-    """Rows of a space-time image as spectra, band-passed, on twice their length so that shears do not wrap around."""
-
-    def __init__(self, image: FloatArray, time_s: FloatArray) -> None:
-        self.length_px, self.time_s = image.shape[1], time_s - time_s.mean()
-        self.width = next_fast_len(2 * image.shape[1], real=True)
-        self.k = 2 * np.pi * np.fft.rfftfreq(self.width)
-        band = (1 - np.exp(-(self.k * _HIGH_PASS_PX) ** 2 / 2)) * np.exp(-(self.k * _LOW_PASS_PX) ** 2 / 2)
-        self.rows: NDArray[np.complex128] = np.fft.rfft(image, self.width, axis=1) * band
-
-    def upright(self, velocity: float) -> NDArray[np.complex128]:
-        """The spectra (T, K) with what moves at `velocity` upright."""
-        return np.asarray(self.rows * np.exp(1j * self.k * velocity * self.time_s[:, None]))
-
-    def sheared(self, velocity: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The image with what moves at `velocity` upright, its derivative along the line, and 1 where it is seen.
-
-        Each (T, width). The ends of the line, which stand still, are not counted as seen.
-        """
-        turned = self.upright(velocity)
-        place_px = (np.arange(self.width) + velocity * self.time_s[:, None]) % self.width
-        seen = (place_px >= _END_PX) & (place_px <= self.length_px - 1 - _END_PX)
-        return (np.fft.irfft(turned, self.width, axis=1), np.fft.irfft(1j * self.k * turned, self.width, axis=1),
-                np.asarray(seen, float))
-
-    def pairs(self, lag: int) -> IdArray:
-        """(P, 2) rows `lag` apart, without those between which frames are missing."""
-        first = np.arange(len(self.time_s) - lag)
-        dt = self.time_s[first + lag] - self.time_s[first]
-        first = first[np.abs(dt - np.median(dt)) < 0.5 * np.median(dt) / lag]
-        return np.stack([first, first + lag], axis=1)
-
-
-def _searched(spectra: _Spectra, most_px_s: float) -> float | None:
+def _searched(spectra: Spectra, most_px_s: float) -> float | None:
     """The velocity, px/s, of the highest J with short lags; None: there is no clear one."""
     frame_s = float(np.median(np.diff(spectra.time_s)))
     count = int(np.ceil(most_px_s * frame_s / _SEARCH_STEP_PX))
@@ -153,7 +119,7 @@ class _Sums:
     size_px: float
 
 
-def _refined(spectra: _Spectra, velocity: float, longest: int, most_px_s: float) -> float | None:
+def _refined(spectra: Spectra, velocity: float, longest: int, most_px_s: float) -> float | None:
     """A step of Newton's method, repeated; None: it leaves the range, or there is no maximum."""
     for _ in range(_STEPS):
         sums = _summed(spectra, velocity, longest)
@@ -165,18 +131,36 @@ def _refined(spectra: _Spectra, velocity: float, longest: int, most_px_s: float)
     return velocity
 
 
-def _measured(spectra: _Spectra, velocity: float, longest: int) -> Slope | None:
+def _measured(spectra: Spectra, velocity: float, longest: int) -> Slope | None:
     sums = _summed(spectra, velocity, longest)
     if sums is None or abs(velocity) * float(np.ptp(spectra.time_s)) < _LEAST_WAY * sums.size_px:
         return None
     step = float(sums.slope.sum() / sums.curve.sum())
-    seen = sums.curve != 0
-    pull = (sums.slope - step * sums.curve)[seen]
-    count = len(pull)
-    wider = float(stdtrit(count - 1, _TWO_SIGMA) / 2) ** 2  # so that two sigma hold 95 % in spite of few columns
-    variance = wider * float((pull**2).sum() * count / (count - 1) / sums.curve.sum() ** 2)
+    variance = _scattered(spectra.without_standing(velocity), velocity, longest)
+    if not np.isfinite(variance):
+        return None
     variance += _lost_with_standing(velocity, sums.size_px, float(np.ptp(spectra.time_s)))
     return Slope(velocity + step, variance, sums.correlation, sums.pairs, sums.weights)
+
+
+def _scattered(spectra: Spectra, velocity: float, longest: int) -> float:
+    """Variance of the slope, px^2/s^2, by the scatter of the columns of the upright image; inf: it has none.
+
+    spectra: with what the mean over time has taken of the pattern given back, which else pulls columns to either side:
+    what it adds to one it takes from those that lie as far on as the pattern goes, and the whole does not feel it.
+
+    A column counts by its share of the curvature, as a patch of foam may outweigh all else: HC2 of MacKinnon and White
+    (1985), with the degrees of freedom of so many equal columns (Kish 1965).
+    """
+    sums = _summed(spectra, velocity, longest, centred=False)
+    if sums is None:
+        return np.inf
+    have, total = sums.curve != 0, float(sums.curve.sum())
+    pull = (sums.slope - sums.slope.sum() / total * sums.curve)[have]
+    share = np.clip(sums.curve[have] / total, 0, _LARGEST_SHARE)
+    freedom = max(1 / float((share**2).sum()) - 1, 1.0)
+    wider = float(stdtrit(freedom, _TWO_SIGMA) / 2) ** 2  # so that two sigma hold 95 % in spite of few columns
+    return wider * float((pull**2 / (1 - share)).sum()) / total**2
 
 
 def _lost_with_standing(velocity: float, size_px: float, duration_s: float) -> float:
@@ -189,8 +173,11 @@ def _lost_with_standing(velocity: float, size_px: float, duration_s: float) -> f
     return float((velocity * (_STANDING * size_px / max(way_px, size_px)) ** 3) ** 2)
 
 
-def _summed(spectra: _Spectra, velocity: float, longest: int) -> _Sums | None:
-    """Slope and curvature of J at a velocity, by columns of the upright image; None: nothing is alike there."""
+def _summed(spectra: Spectra, velocity: float, longest: int, centred: bool = True) -> _Sums | None:
+    """Slope and curvature of J at a velocity, by columns of the upright image; None: nothing is alike there.
+
+    centred: whether the mean over time has been taken off the rows, which is then allowed for.
+    """
     image, slant, seen = spectra.sheared(velocity)
     image, slant = image * seen, slant * seen
     slope, curve, lags, shares, alike, total = 0.0, 0.0, [], [], 0.0, 0.0
@@ -207,21 +194,22 @@ def _summed(spectra: _Spectra, velocity: float, longest: int) -> _Sums | None:
         both = image[a] * slant[b] * seen[a] - slant[a] * image[b] * seen[b]
         slope = slope + (weight * dt_s * both / 2).sum(axis=0)
         curve = curve + bend.sum(axis=0)
-        lags.append(Compared(two, weight, both_seen / spectra.length_px))
+        overlap = max(1 - abs(velocity) * float(dt_s.mean()) / spectra.length_px, _LEAST_OVERLAP)
+        lags.append(Compared(two, weight, both_seen / spectra.length_px, overlap))
         shares.append(weight * dt_s[:, 0] ** 2)
         alike, total = alike + weight * rho * len(two), total + weight * len(two)
     weights = np.concatenate(shares)
     if total <= 0 or np.sum(curve) <= 0:
         return None
     size_px = float(np.sqrt((image**2).sum() / (slant**2).sum()))
-    if longest >= len(image) // 2 and abs(velocity) * float(np.ptp(spectra.time_s)) < _LONG_WAY * size_px:
+    if centred and longest >= len(image) // 2 and abs(velocity) * float(np.ptp(spectra.time_s)) < _LONG_WAY * size_px:
         apparent = apparent_slope(spectra.upright(velocity), spectra.k, velocity, spectra.time_s, lags)
         slope = slope - apparent * curve / np.sum(curve)
     return _Sums(_columns(np.asarray(slope), spectra), _columns(np.asarray(curve), spectra),
                  np.concatenate([lag.pairs for lag in lags]), weights / weights.sum(), alike / total, size_px)
 
 
-def _columns(values: FloatArray, spectra: _Spectra) -> FloatArray:
+def _columns(values: FloatArray, spectra: Spectra) -> FloatArray:
     """Sums (C,) over columns as wide as parts of the line."""
     wide = max(spectra.length_px // _STRIPES, _NARROWEST_PX)
     return np.asarray(np.add.reduceat(values, np.arange(0, len(values), wide)))

@@ -29,12 +29,14 @@ class Compared:
     Attributes:
         pairs: (P, 2) the rows.
         weight: of each in the slope.
-        shared: (P,) share of the line that both rows show.
+        shared: (P,) share of the line that both rows show, without its ends.
+        overlap: share of one row's pattern that is in the other row, ends and all.
     """
 
     pairs: IdArray
     weight: float
     shared: FloatArray
+    overlap: float
 
 
 def apparent_slope(upright: NDArray[np.complex128], k: FloatArray, velocity: float, time_s: FloatArray,
@@ -52,7 +54,7 @@ def apparent_slope(upright: NDArray[np.complex128], k: FloatArray, velocity: flo
     if not used:
         return 0.0
     turned = np.exp(-1j * np.outer(time_s, k) * velocity)
-    found = np.array([_products(upright, lag).real for lag in used])
+    found = np.array([_products(upright, lag).real / lag.overlap for lag in used])  # of as much pattern at each lag
     lasting = _left(turned, time_s, used, np.ones(len(used)))[0]
     expected = (_power(found, lasting, used) * lasting).sum(axis=1)  # of a pattern that lasts
     rho = found.sum(axis=1) / np.maximum(expected, 1e-9)
