@@ -18,3 +18,10 @@ def factor(covariance: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(covariance / np.outer(unit, unit))
     root = (vectors * np.sqrt(np.maximum(values, 0))) @ vectors.T
     return np.asarray(scale[:, None] * root)
+
+
+def roots(covariance: FloatArray) -> FloatArray:
+    """Symmetric roots (N, n, n) of covariances (N, n, n); what is not positive semidefinite by rounding counts as 0."""
+    values, vectors = np.linalg.eigh(covariance)
+    scaled = vectors * np.sqrt(np.maximum(values, 0))[:, None, :]
+    return np.asarray(scaled @ vectors.transpose(0, 2, 1))

@@ -4,12 +4,17 @@ Where a feature goes is predicted by its motion on the water plane, so that the 
 of the search; only in its first step, if no velocity is known, is it sought by pyramidal optical flow. As it is
 compared with its first look, errors do not add up from frame to frame. A feature that no longer looks as it did is
 compared with how it looked last; its errors up to there remain.
+
+Where one pattern A fades into another B, the picture being cos(a) A + sin(a) B, a window goes astray by <A', B>, what
+the gradient of A has in common with B; and a window that is cut at a later a by the same, as <A', B> = -<B', A>. So the
+errors of successive windows are of one sign, and their standard deviations are added, not their variances.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from stab_ros.core.covariance import roots
 from stab_ros.core.types import FloatArray, IdArray
 from stab_ros.velocimetry.carried import Footprints
 from stab_ros.velocimetry.comparison import compared
@@ -45,7 +50,7 @@ class TemplateFollower:
         self._tracks.alive &= np.isfinite(self._footprints.corners_m).all(axis=(1, 2))
         self._velocity = np.full((n, 2), np.nan) if velocity_m_s is None else velocity_m_s.copy()  # in the last step
         self._bent_px_s = np.zeros((n, 2, TERMS))  # by how much windows deform
-        self._before_m2 = np.zeros((n, 2, 2))  # covariance of the places at which windows were cut
+        self._before_m = np.zeros((n, 2, 2))  # root of the covariance of the places at which windows were cut
         self._since_m2 = np.zeros((n, 2, 2))  # of the places relative to those
         self._at_px, self._found = start_px.copy(), np.zeros(n, bool)
 
@@ -69,11 +74,17 @@ class TemplateFollower:
         if self._last is not self._first:
             self._refine()
             self._check_backward()
-        self._tracks.covariance_m2 = self._before_m2 + self._since_m2
+        self._tracks.covariance_m2 = self._covariance_m2()
         if self._last is not self._first:
             look_again(self._tracks, self._footprints.stamp_ns == self._first.stamp_ns, self._first, self._last,
                        self._config)
         return self._tracks
+
+    def _covariance_m2(self) -> FloatArray:
+        """(N, 2, 2), of the places relative to the start: the square of the sum of the roots."""
+        before, since = self._before_m, self._since_m2
+        both = before @ roots(since)
+        return np.asarray(before @ before + both + both.transpose(0, 2, 1) + since)
 
     def _expected_px(self, frame: PlacedFrame) -> FloatArray:
         """(N, 2), where the features should be if they keep their velocity; those without one are taken to rest."""
@@ -109,7 +120,7 @@ class TemplateFollower:
         at_px = self._tracks.end_px[which]
         self._windows.put(which, cut_windows(self._last.gray, at_px, self._windows.radius))
         self._footprints.put(which, Footprints.of(self._last, at_px))
-        self._before_m2[which] += self._since_m2[which]
+        self._before_m[which] += roots(self._since_m2[which])
         self._since_m2[which], self._bent_px_s[which] = 0.0, 0.0
 
     def _keep(self, frame: PlacedFrame) -> None:
