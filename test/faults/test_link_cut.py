@@ -19,14 +19,15 @@ from two_hosts import plug, two_hosts
 
 CUT_S, RATE_HZ = 10.0, 10.0
 CAMERA = "--camera"
-HELPERS = Path(__file__).parents[1] / "helpers"
+ROOT = Path(__file__).parents[2]
+HELPERS = f"{ROOT / 'test' / 'helpers'}:{ROOT / 'bench'}"
 
 
 @needs_links
 def test_the_stream_resumes_and_the_gap_is_told(tmp_path: Path) -> None:
     """This file again as two programs: a camera on one host; tracker and who listens to it on the other."""
     name = f"stab{os.getpid() % 10000}"
-    environment = {**os.environ, "PYTHONPATH": str(HELPERS), "ROS_LOG_DIR": str(tmp_path),
+    environment = {**os.environ, "PYTHONPATH": HELPERS, "ROS_LOG_DIR": str(tmp_path),
                    "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_DOMAIN_ID": str(next_domain())}
     with two_hosts(name) as (there, here):
         camera = subprocess.Popen([*there, sys.executable, __file__, CAMERA, str(tmp_path)], env=environment)
