@@ -206,5 +206,7 @@ def test_our_own_files_make_an_engine() -> None:
     make_georeferencer(read_config(CONFIG / "georeference.yaml", GEOREFERENCE), camera, camera.size)
     check_velocimetry(read_config(CONFIG / "velocimetry.yaml", VELOCIMETRY))
     running_config(read_config(CONFIG / "discharge.yaml", DISCHARGE))
+    make_stabilizer(read_config(CONFIG / "pipeline.yaml", TRACKER))
+    check_velocimetry(read_config(CONFIG / "pipeline.yaml", VELOCIMETRY))
     assert {path.stem for path in CONFIG.glob("*.yaml")} == {
-        "tracker", "evaluator", "georeference", "velocimetry", "discharge"}
+        "tracker", "evaluator", "georeference", "velocimetry", "discharge", "pipeline"}
