@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 from two_hosts import run
 
+_ROOT = Path(__file__).parents[2]
+HELPERS = f"{_ROOT / 'test' / 'helpers'}:{_ROOT / 'bench'}"  # PYTHONPATH of a test that runs again as a program
 _TOOLS = ("ip", "tc")  # of iproute2
 
 needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="mounting, and network namespaces, need root")

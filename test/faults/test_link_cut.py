@@ -9,7 +9,7 @@ import sys
 import time
 from pathlib import Path
 
-from ailing import needs_links
+from ailing import HELPERS, needs_links
 from live_graph import graph_in, image_message, next_domain
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image
@@ -19,8 +19,6 @@ from two_hosts import plug, two_hosts
 
 CUT_S, RATE_HZ = 10.0, 10.0
 CAMERA = "--camera"
-ROOT = Path(__file__).parents[2]
-HELPERS = f"{ROOT / 'test' / 'helpers'}:{ROOT / 'bench'}"
 
 
 @needs_links

@@ -7,14 +7,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-from ailing import needs_root, with_shared_memory
+from ailing import HELPERS, needs_root, with_shared_memory
 from live_graph import Graph, graph_in, image_message, stamp_ns
 from sensor_msgs.msg import Image
 from stream import TrackedStream
 from truth import picture, translation
 
 FRAMES, SIZE = 60, (1920, 1080)
-HELPERS = Path(__file__).parents[1] / "helpers"
 
 
 @needs_root
@@ -22,7 +21,7 @@ def test_the_tracker_works_at_1080p(tmp_path: Path) -> None:
     """This file again, as a program in a machine of its own."""
     words = [sys.executable, __file__, str(tmp_path)]
     done = subprocess.run(with_shared_memory(64, words), capture_output=True, text=True, timeout=240, check=False,
-                          env={**os.environ, "PYTHONPATH": str(HELPERS), "ROS_LOG_DIR": str(tmp_path),
+                          env={**os.environ, "PYTHONPATH": HELPERS, "ROS_LOG_DIR": str(tmp_path),
                                "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"})
     assert done.returncode == 0, done.stdout + done.stderr
 
