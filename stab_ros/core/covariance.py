@@ -15,13 +15,11 @@ def factor(covariance: FloatArray) -> FloatArray:
     """
     scale = np.sqrt(np.maximum(np.diag(covariance), 0))
     unit = np.where(scale > 0, scale, 1)
-    values, vectors = np.linalg.eigh(covariance / np.outer(unit, unit))
-    root = (vectors * np.sqrt(np.maximum(values, 0))) @ vectors.T
-    return np.asarray(scale[:, None] * root)
+    return np.asarray(scale[:, None] * roots(covariance / np.outer(unit, unit)))
 
 
 def roots(covariance: FloatArray) -> FloatArray:
-    """Symmetric roots (N, n, n) of covariances (N, n, n); what is not positive semidefinite by rounding counts as 0."""
+    """Symmetric roots of covariances (..., n, n); what is not positive semidefinite by rounding counts as 0."""
     values, vectors = np.linalg.eigh(covariance)
-    scaled = vectors * np.sqrt(np.maximum(values, 0))[:, None, :]
-    return np.asarray(scaled @ vectors.transpose(0, 2, 1))
+    scaled = vectors * np.sqrt(np.maximum(values, 0))[..., None, :]
+    return np.asarray(scaled @ np.swapaxes(vectors, -1, -2))
