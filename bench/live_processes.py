@@ -18,9 +18,10 @@ from scenes import Scene
 
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import BagWriter, topic_of
-from stab_ros.io.cdr import IMAGE, header_of
+from stab_ros.io.cdr import COMPRESSED_IMAGE, IMAGE, header_of
+from stab_ros.io.compressed_message import Codec, compressed_cdr
 from stab_ros.io.image_message import image_cdr
-from stab_ros.io.topics import RAW_TOPIC
+from stab_ros.io.topics import RAW_COMPRESSED_TOPIC, RAW_TOPIC
 
 
 @dataclass(frozen=True)
@@ -67,10 +68,12 @@ def there_and_back(scene: Scene) -> Iterator[Frame]:
         yield frame
 
 
-def write_loop(path: Path, frames: Iterable[Frame]) -> None:
-    """A bag with these frames on `image_raw`."""
+def write_loop(path: Path, frames: Iterable[Frame], compressed: bool = False) -> None:
+    """A bag with these frames on `image_raw`, or as JPEG on `image_raw/compressed`."""
+    topic = RAW_COMPRESSED_TOPIC if compressed else RAW_TOPIC
     with BagWriter(path) as writer:
-        writer.add_topic(topic_of(RAW_TOPIC, IMAGE))
+        writer.add_topic(topic_of(topic, COMPRESSED_IMAGE if compressed else IMAGE))
         for frame in frames:
-            data = image_cdr(frame.image, frame.encoding, header_of(frame))
-            writer.write(RAW_TOPIC, frame.stamp_ns, frame.stamp_ns, data)
+            image, head = (frame.image, frame.encoding), header_of(frame)
+            data = compressed_cdr(*image, head, Codec()) if compressed else image_cdr(*image, head)
+            writer.write(topic, frame.stamp_ns, frame.stamp_ns, data)

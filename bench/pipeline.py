@@ -13,21 +13,14 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from live_processes import ProcessSample, encoded, start_python, stopped, there_and_back
+from live_processes import ProcessSample, encoded, start_python, stopped, there_and_back, write_loop
 from machine import use_two_cores
 from scenes import HD, render
 from spread import Spread
 from tables import Table, number
-
-from stab_ros.core.types import Frame
-from stab_ros.io.bag import BagWriter, topic_of
-from stab_ros.io.cdr import COMPRESSED_IMAGE, IMAGE, header_of
-from stab_ros.io.compressed_message import Codec, compressed_cdr
-from stab_ros.io.image_message import image_cdr
-from stab_ros.io.topics import RAW_COMPRESSED_TOPIC, RAW_TOPIC
 
 _HERE = Path(__file__).resolve().parent
 _DOMAIN, _LOOK_S, _LOOPED = 171, 0.1, 26
@@ -49,23 +42,12 @@ def main(seconds: float, rate_hz: float, encodings: Sequence[str]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         for encoding in encodings:
             bag = Path(folder) / f"{encoding}.mcap"
-            _write_loop(bag, there_and_back(scene), encoding)
+            jpeg = encoding == "jpeg"
+            write_loop(bag, (encoded(gray, "bgr8" if jpeg else encoding) for gray in there_and_back(scene)), jpeg)
             for kind in _KINDS:
                 rows.append((encoding, kind, *_run(kind, bag, encoding, rate_hz, seconds + _SETTLING_S)))
     note = _NOTE.format(seconds, rate_hz, _SETTLING_S, before, os.getloadavg()[0])
     print(Table(f"Tracker and velocimetry live, {HD[0]}x{HD[1]}", _HEAD, rows, note).text())
-
-
-def _write_loop(path: Path, frames: Iterable[Frame], encoding: str) -> None:
-    compressed = encoding == "jpeg"
-    topic = RAW_COMPRESSED_TOPIC if compressed else RAW_TOPIC
-    with BagWriter(path) as writer:
-        writer.add_topic(topic_of(topic, COMPRESSED_IMAGE if compressed else IMAGE))
-        for gray in frames:
-            frame = encoded(gray, "bgr8" if compressed else encoding)
-            write = compressed_cdr(frame.image, frame.encoding, header_of(frame), Codec()) if compressed else image_cdr(
-                frame.image, frame.encoding, header_of(frame))
-            writer.write(topic, frame.stamp_ns, frame.stamp_ns, write)
 
 
 def _run(kind: str, bag: Path, encoding: str, rate_hz: float, seconds: float) -> tuple[str, ...]:

@@ -10,8 +10,9 @@ from collections import deque
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from threading import RLock
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage, Image
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 RELIABLE_FIX = "let it offer RELIABLE, or set queue_depth:=1"
 _LOOK_S = 0.1
+_MOST_WAITING = 8  # images for a node that wants all of them
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,8 @@ class ImageHub(params.DeclaringNode):
     """Subscribes to images once for all nodes that were given it as `images`; it must be spun, as they are.
 
     Nodes share a subscription if they take the same topic with the same `image_transport` and `queue_depth`. Each works
-    through its images in callbacks of its own, on whatever thread these run.
+    through its images in callbacks of its own, on whatever thread these run. If one that wants all of them falls
+    behind, no more are taken until it has room, so that DDS holds back a reliable source.
 
     Attributes:
         awaited: number of nodes that must have asked for images before any is taken.
@@ -85,7 +88,9 @@ class ImageHub(params.DeclaringNode):
         """See `ImageSource`."""
         wish = _Wish(topic, compressed, keep_all)
         with self._lock:
-            member = _Member(node, self._channels.setdefault(wish, _Channel(self, wish, self._lock)), take, self._leave)
+            if wish not in self._channels:
+                self._channels[wish] = _Channel(self, wish, self._lock)
+            member = _Member(node, self._channels[wish], take, self._leave)
             self._joined += 1
             self._open()
         return member
@@ -122,12 +127,24 @@ class ImageHub(params.DeclaringNode):
         with self._lock:
             member.channel.members.remove(member)
             if not member.channel.members:
-                self._channels.pop(member.channel.wish).close()
+                self._channels.pop(member.channel.wish).end()
 
     def _refresh(self) -> None:
         with self._lock:
             for channel in self._channels.values():
                 channel.refresh()
+
+
+class _WhileRoom(MutuallyExclusiveCallbackGroup):
+    """Callbacks that an executor runs only while there is room for what they bring."""
+
+    def __init__(self, has_room: Callable[[], bool]) -> None:
+        super().__init__()
+        self._has_room = has_room
+
+    def can_execute(self, entity: Any) -> bool:
+        """As executors ask before they wait."""
+        return self._has_room() and super().can_execute(entity)
 
 
 class _Channel:
@@ -138,19 +155,26 @@ class _Channel:
         self.members: list[_Member] = []
         self.msgtype = COMPRESSED_IMAGE if wish.compressed else IMAGE
         self._subscription: AdaptiveSubscription | None = None
+        self._while_room = _WhileRoom(self._has_room)
+        self._look_again = hub.create_guard_condition(lambda: None)  # an executor that waits asks only once
 
     def open(self) -> None:
         """Subscribes, once."""
         if self._subscription is None:
             self._subscription = AdaptiveSubscription(
                 self._hub, CompressedImage if self.wish.compressed else Image, self.wish.topic, self._on_cdr,
-                keep_all_reliable if self.wish.keep_all else newest_only, RELIABLE_FIX)
+                keep_all_reliable if self.wish.keep_all else newest_only, RELIABLE_FIX, self._while_room)
 
     def close(self) -> None:
         """Ends the subscription, until `open` is called again."""
         if self._subscription is not None:
             self._subscription.close()
             self._subscription = None
+
+    def end(self) -> None:
+        """Ends it for good."""
+        self.close()
+        self._hub.destroy_guard_condition(self._look_again)
 
     def refresh(self) -> None:
         """Follows the publishers' QoS."""
@@ -160,6 +184,14 @@ class _Channel:
     @property
     def publishers(self) -> int:
         return self._hub.supplies(self.wish.topic) if self._subscription is None else self._subscription.publishers
+
+    def taken(self) -> None:
+        """A member has taken an image, and may have room again."""
+        if self.wish.keep_all and self._has_room():
+            self._look_again.trigger()
+
+    def _has_room(self) -> bool:
+        return not self.wish.keep_all or all(member.waiting < _MOST_WAITING for member in [*self.members])
 
     def _on_cdr(self, cdr: bytes, info: Mapping[str, int]) -> None:
         image = ReceivedImage(cdr, self.msgtype, info)
@@ -211,6 +243,7 @@ class _Member:
         image = self._waiting.popleft()
         if self._waiting:
             self._ready.trigger()
+        self.channel.taken()
         self._take(image)
 
 

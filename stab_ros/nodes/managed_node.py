@@ -124,7 +124,7 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
             self.create_steady_timer(_REPORT_S, self._tell_unused)
         self.autostart = self._starts = bool(params.declare(self, params.table_of(ManagedSettings))["autostart"])
         self.add_on_set_parameters_callback(self._refuse_idle_changes)
-        self._reported: tuple[float, DiagnosticStatus] | None = None  # the last report, and when, s
+        self._reported = time.monotonic(), DiagnosticStatus(OK, "", {})  # when, s, and the last report
         self.create_steady_timer(_REPORT_S, self._report_state)
         self.create_steady_timer(_REPORT_S, self._report_again, self.at_once)
         self.create_steady_timer(_POLL_NS / SECOND_NS, self._poll_if_active)
@@ -343,11 +343,9 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
 
     def _report_again(self) -> None:
         """The last report once more while something takes so long that the next one is late, and what is the matter."""
-        if self._reported is None:
-            return
         (then_s, last), now_s = self._reported, time.monotonic()
         if now_s - then_s > _LONG_S:
-            message = f"{last.message}; at work on one step for {now_s - then_s:.0f} s"
+            message = "; ".join(filter(None, [last.message, f"at work on one step for {now_s - then_s:.0f} s"]))
             self._send_diagnostics(DiagnosticStatus(max(last.level, WARN), message, last.values))
         elif now_s - then_s > _LATE_S:
             self._send_diagnostics(last)

@@ -6,11 +6,9 @@ import sys
 from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 
-import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
 from stab_ros.core.errors import ConfigError, InputError, StabRosError, WorkError
-from stab_ros.core.memory import keep_freed_memory
 from stab_ros.core.settings import Range, checked
 from stab_ros.nodes import params
 from stab_ros.nodes.background_compilation import BackgroundCompilation
@@ -19,11 +17,9 @@ from stab_ros.nodes.discharge_node import DischargeNode
 from stab_ros.nodes.georeference_node import GeoreferenceNode
 from stab_ros.nodes.image_hub import ImageHub
 from stab_ros.nodes.managed_node import StabNode
-from stab_ros.nodes.parameter_files import files_for_others
-from stab_ros.nodes.runtime import init, spin
-from stab_ros.nodes.stopping import StopRequest, end_at_once
+from stab_ros.nodes.runtime import spin, started
+from stab_ros.nodes.stopping import StopRequest
 from stab_ros.nodes.tracker_node import TrackerNode
-from stab_ros.nodes.transport import use_profile
 from stab_ros.nodes.velocimetry_node import VelocimetryNode
 from stab_ros.parameters.node_settings import PipelineSettings
 
@@ -69,23 +65,12 @@ def run(stop: StopRequest) -> int:
     Raises:
         InputError: bad ROS arguments or parameters. WorkError: the work of a node broke off.
     """
-    stop.defer()
-    keep_freed_memory()
     sys.setswitchinterval(_SWITCH_S)
-    warnings: list[str | None] = [use_profile(), init()]
-    compilation: BackgroundCompilation | None = None
-    try:
+    with started(stop) as process:
         hub = PipelineNode()
         nodes = [_made(name, hub) for name in hub.nodes]
-        warnings += files_for_others(sys.argv, *_names([hub, *nodes]))
-        for warning in filter(None, warnings):
-            hub.get_logger().warning(warning)
-        compilation = BackgroundCompilation() if any(node.COMPUTES for node in nodes) else None
-        _spin_all(hub, nodes, stop, compilation)
-    finally:
-        rclpy.try_shutdown()
-    if compilation is not None and not compilation.done:
-        end_at_once()
+        computes = any(node.COMPUTES for node in nodes)
+        _spin_all(hub, nodes, stop, process.prepare(_names([hub, *nodes]), hub.get_logger(), computes))
     return 0
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import yaml
+from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import (
@@ -72,11 +73,12 @@ def latest_latched(offers: Sequence[QoSProfile]) -> QoSProfile:
 class AdaptiveSubscription:
     """A raw subscription that is created anew when `choose` gives another QoS for the current publishers.
 
-    fix: advice for the user about a publisher that stays incompatible.
+    fix: advice for the user about a publisher that stays incompatible. group: of its callbacks; None: the node's.
     """
 
-    def __init__(self, node: Node, msg_class: Any, topic: str, callback: RawCallback, choose: Choice, fix: str) -> None:
-        self._node = node
+    def __init__(self, node: Node, msg_class: Any, topic: str, callback: RawCallback, choose: Choice, fix: str,
+                 group: CallbackGroup | None = None) -> None:
+        self._node, self._group = node, group
         self._msg_class = msg_class
         self.topic = node.resolve_topic_name(topic)
         self._callback = callback
@@ -127,7 +129,8 @@ class AdaptiveSubscription:
         callback: Any = self._callback  # rclpy's type lacks callbacks that take the message info
         events = SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible)
         return self._node.create_subscription(self._msg_class, self.topic, callback, self.qos, raw=True,
-                                              event_callbacks=events, qos_overriding_options=self._overriding)
+                                              callback_group=self._group, event_callbacks=events,
+                                              qos_overriding_options=self._overriding)
 
     def _on_incompatible(self, event: Any) -> None:
         self._incompatible = policy_name(event.last_policy_kind)  # logged by `refresh`, unless it can adapt

@@ -6,13 +6,14 @@ import importlib
 import os
 import re
 import sys
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import rclpy
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.signals import SignalHandlerOptions
 
@@ -29,28 +30,50 @@ from stab_ros.nodes.stopping import StopRequest, end_at_once
 from stab_ros.nodes.transport import use_profile
 
 
+class Started:
+    """A process that has initialised rclpy. compilation: of its kernels; None: it needs none, or has not begun."""
+
+    def __init__(self, warnings: Sequence[str | None]) -> None:
+        """warnings: of the start, for the log of a node to come."""
+        self._warnings = warnings
+        self.compilation: BackgroundCompilation | None = None
+
+    def prepare(self, names: Sequence[str], log: RcutilsLogger, computes: bool) -> BackgroundCompilation | None:
+        """Logs what the start warned of, and compiles the kernels if the nodes of these full names need them."""
+        for warning in filter(None, [*self._warnings, *files_for_others(sys.argv, *names)]):
+            log.warning(warning)
+        self.compilation = BackgroundCompilation() if computes else None
+        return self.compilation
+
+
+@contextmanager
+def started(stop: StopRequest) -> Iterator[Started]:
+    """A process of nodes, from its start to its end.
+
+    Raises:
+        InputError: bad ROS arguments.
+    """
+    stop.defer()  # an exception in the middle of rclpy or of a destructor would be lost or leave a trace
+    keep_freed_memory()
+    process = Started([use_profile(), init()])
+    try:
+        yield process
+    finally:
+        rclpy.try_shutdown()
+    if process.compilation is not None and not process.compilation.done:
+        end_at_once()
+
+
 def run(make: Callable[[], StabNode], stop: StopRequest) -> int:
     """Runs a node from start to end; exit code 0.
 
     Raises:
         InputError: bad ROS arguments or parameters. WorkError: the node's work broke off.
     """
-    stop.defer()  # an exception in the middle of rclpy or of a destructor would be lost or leave a trace
-    keep_freed_memory()
-    warnings: list[str | None] = [use_profile(), init()]
-    compilation: BackgroundCompilation | None = None
-    try:
+    with started(stop) as process:
         node = make()
         node.stop, node.waits = stop, True
-        warnings += files_for_others(sys.argv, node.get_fully_qualified_name())
-        for warning in filter(None, warnings):
-            node.get_logger().warning(warning)
-        compilation = BackgroundCompilation() if node.COMPUTES else None
-        spin(node, compilation)
-    finally:
-        rclpy.try_shutdown()
-    if compilation is not None and not compilation.done:
-        end_at_once()
+        spin(node, process.prepare([node.get_fully_qualified_name()], node.get_logger(), node.COMPUTES))
     return 0
 
 

@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable
 
 from rclpy.callback_groups import CallbackGroup
-from rclpy.executors import ShutdownException, TimeoutException
 from rclpy.node import Node
 from rclpy.service import Service
 
@@ -57,10 +56,7 @@ class Spinner:
         if self._was_slow:
             self._make_changes()
         most_ns, before_ns = round(min(timeout_s, _STEP_S) * SECOND_NS), time.monotonic_ns()
-        try:
-            callback, _, _ = self._executor.wait_for_ready_callbacks(most_ns / SECOND_NS)
-        except (TimeoutException, ShutdownException):
-            callback = None
+        callback = self._executor.next_callback(most_ns / SECOND_NS)
         begun_ns = time.monotonic_ns()
         self._free.waited(begun_ns - before_ns, most_ns)
         if callback is not None:

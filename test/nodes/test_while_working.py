@@ -21,6 +21,7 @@ from stab_ros.core.types import FloatArray
 from stab_ros.synthetic.flight import Shot
 
 NODE = "tracker_node"
+LONG = 5  # steps of 10 ms: more than the 20 ms from which on a callback may have kept somebody waiting
 PROGRAM = f"""
 import sys
 import time
@@ -39,7 +40,8 @@ class Held(TrackerNode):
     def poll(self):
         super().poll()
         while GATE.exists() and not self.stop.requested:
-            HELD.touch()
+            with HELD.open("a") as marks:
+                marks.write(".")
             time.sleep(0.01)
 
 
@@ -61,7 +63,7 @@ class HeldTracker:
 
     def hold(self) -> None:
         self._gate.touch()
-        self._graph.until(self._held.exists, "the callback")
+        self._graph.until(lambda: self._held.exists() and self._held.stat().st_size >= LONG, "the callback")
 
     def let_go(self) -> None:
         self._gate.unlink()
@@ -73,11 +75,12 @@ class HeldTracker:
     def until_answered(self, count: int) -> None:
         self._graph.until(lambda: len(self.answers) >= count, f"{count} answers")
 
-    def ask(self, service: Any, name: str, request: Any) -> Any:
-        """The future of an answer."""
+    def client(self, service: Any, name: str, harmless: Any) -> Any:
+        """A client that has had an answer, to a request without effect: both sides know each other."""
         client = self._graph.node.create_client(service, f"{NODE}/{name}")
         self._graph.until(client.service_is_ready, name)
-        return client.call_async(request)
+        self._graph.until(client.call_async(harmless).done, f"a first answer of {name}")
+        return client
 
     def homography(self, number: int) -> FloatArray:
         return np.reshape(self.answers[number].r, (3, 3))
@@ -88,6 +91,10 @@ def threshold(value: float) -> SetParameters.Request:
     return SetParameters.Request(parameters=[ParameterMessage(name="threshold", value=told)])
 
 
+def transition(number: int) -> ChangeState.Request:
+    return ChangeState.Request(transition=Transition(id=number))
+
+
 def test_questions_and_the_reference_do_not_wait_for_a_frame(graph: Graph, flight: list[Shot], tmp_path: Path) -> None:
     kept = tmp_path / "kept.mcap"
     reports = graph.listen(DiagnosticArray, "/diagnostics")
@@ -96,6 +103,7 @@ def test_questions_and_the_reference_do_not_wait_for_a_frame(graph: Graph, fligh
     tracker.until_answered(3)
     graph.until(kept.exists, "the reference saved by itself")
     kept.unlink()
+    setter = tracker.client(SetParameters, "set_parameters", SetParameters.Request())
     tracker.hold()
     tracker.show(flight[3:6])
     names = ["threshold"]
@@ -116,7 +124,7 @@ def test_questions_and_the_reference_do_not_wait_for_a_frame(graph: Graph, fligh
     after_reset = graph.call(Trigger, f"{NODE}/save_reference", Trigger.Request())
     assert not after_reset.success
     assert "there is no reference yet" in after_reset.message
-    setting = tracker.ask(SetParameters, "set_parameters", threshold(2.0))
+    setting = setter.call_async(threshold(2.0))
     reports.clear()
     graph.until(lambda: any("at work on one step" in one.status[0].message for one in reports), "reports meanwhile")
     assert not setting.done()
@@ -141,10 +149,10 @@ def test_a_change_of_state_waits_for_one_callback_and_not_for_the_frames_that_wa
     tracker = HeldTracker(graph, tmp_path)
     tracker.show(flight[:2])
     tracker.until_answered(2)
+    change = tracker.client(ChangeState, "change_state", transition(Transition.TRANSITION_CONFIGURE))
     tracker.hold()
     tracker.show(flight[2:6])
-    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_DEACTIVATE))
-    changing = tracker.ask(ChangeState, "change_state", request)
+    changing = change.call_async(transition(Transition.TRANSITION_DEACTIVATE))
     assert graph.call(GetState, f"{NODE}/get_state", GetState.Request()).current_state.label == "active"
     assert not changing.done()
     tracker.let_go()
@@ -158,10 +166,13 @@ def test_a_signal_in_the_middle_of_requests_ends_cleanly(graph: Graph, flight: l
     tracker = HeldTracker(graph, tmp_path)
     tracker.show(flight[:2])
     tracker.until_answered(2)
+    question = GetParameters.Request(names=["threshold"])
+    setter = tracker.client(SetParameters, "set_parameters", SetParameters.Request())
+    getter = tracker.client(GetParameters, "get_parameters", question)
     tracker.hold()
-    waiting = [tracker.ask(SetParameters, "set_parameters", threshold(2.0)) for _ in range(3)]
+    waiting = [setter.call_async(threshold(2.0)) for _ in range(3)]
     for _ in range(5):
-        tracker.ask(GetParameters, "get_parameters", GetParameters.Request(names=["threshold"]))
+        getter.call_async(question)
     assert tracker.process.stop(signal.SIGINT) == 0
     assert "Traceback" not in tracker.process.log
     assert not all(one.done() for one in waiting)

@@ -1,0 +1,39 @@
+"""Images that several nodes of a process share, one of which falls behind."""
+
+from __future__ import annotations
+
+import itertools
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from live_graph import Graph, image_message
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import HistoryPolicy, QoSProfile
+from sensor_msgs.msg import Image
+
+from stab_ros.nodes.image_hub import ImageHub
+from stab_ros.nodes.received_image import ReceivedImage
+
+IMAGES, FEW = 100, 20
+
+
+def test_images_wait_in_dds_while_a_node_has_no_room(graph: Graph) -> None:
+    """A few of them are in memory; of a reliable source each arrives in the end, once and in order."""
+    hub, executor = ImageHub(context=graph.context), SingleThreadedExecutor(context=graph.context)
+    executor.add_node(hub)
+    taken: list[ReceivedImage] = []
+    part = hub.join(graph.node, "/image", compressed=False, keep_all=True, take=taken.append)
+    publisher = graph.speak(Image, "/image", QoSProfile(history=HistoryPolicy.KEEP_ALL))
+    for number in range(IMAGES):
+        publisher.publish(image_message(np.full((48, 64), number, np.uint8), number))
+    for _ in range(IMAGES):  # while the node is busy
+        executor.spin_once(timeout_sec=0.01)
+    spins = itertools.count()
+    graph.until(lambda: next(spins) > FEW, "the node has had its turn, and not the hub")
+    assert 0 < len(taken) < FEW
+    with ThreadPoolExecutor(1) as threads:
+        threads.submit(executor.spin)
+        graph.until(lambda: len(taken) == IMAGES, "all images")
+        executor.shutdown()
+    assert [one.frame().stamp_ns for one in taken] == [*range(IMAGES)]
+    part.close()
