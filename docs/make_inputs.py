@@ -74,7 +74,9 @@ A recording without such a topic is refused with the list of its topics. Video o
 
 More than 8 bits are reduced for the tracker alone: the range of values is that of the reference, from the 0.1 to the \
 99.9 percentile, with room
-for darker and brighter frames. Zeros, and what is not finite, count as no data. Not read:
+for darker and brighter frames. Zeros, and what is not finite, count as no data. Constant areas (bars,
+borders, overlays) are left out, and so are the outermost 2 % where they lie further off than three times the span of \
+the others (stuck pixels). Not read:
 
 | encoding | what to do |
 |---|---|

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stab_ros.core.types import FloatArray, Frame, Gray, Image
+from stab_ros.core.types import BoolArray, FloatArray, Frame, Gray, Image
 
 _TO_GRAY = {
     "bgr8": cv2.COLOR_BGR2GRAY,
@@ -19,6 +19,10 @@ _TO_GRAY = {
 }
 _WITHOUT_COLOUR = {"bgr16": "mono16"}  # mono8 for all others
 _LOW, _HIGH = 0.1, 99.9  # percentiles of the values
+_MOST_LOW, _MOST_HIGH = 2.0, 98.0  # of what most of them lie between
+# what lies further off than so many times that span is not the scene (stuck pixels); its share of the range instead
+_FAR, _MARGIN = 3.0, 0.5
+_LEAST_VARIED = 0.2  # of the values: with fewer, constant areas count as well
 _HIGH_LEVEL = 0.9 * 255.0  # the grey level of the high one: later frames may be brighter
 _ROOM = 0.25  # of the range, below the low one: later frames may be darker
 _FLAT = 20.0  # sigma of noise: a scene of a smaller range; noise alone has 8
@@ -63,21 +67,48 @@ def grey_range(frame: Frame) -> GreyRange:
     """The range of values in a frame: measured, because a sensor of 16 bits rarely uses its full range.
 
     That of the reference is used for all later frames, so that brightness remains comparable: brighter ones saturate.
-    Zeros and what is not finite are left out, as they often stand for no data. The noise of a scene without contrast
-    stays small, so that it is not taken for texture.
+    Zeros and what is not finite are left out, as they often stand for no data, and so are bars, borders, overlays and
+    stuck pixels, which may have any values. The noise of a scene without contrast stays small, so that it is not taken
+    for texture.
     """
     if frame.image.dtype == np.uint8 or not frame.image.size:
         return AS_IT_IS
-    sample = _levels(frame, 4, 4)
-    known = sample[np.isfinite(sample) & (sample != 0)]
+    known = _values_of_the_scene(frame)
     if not known.size:
         return AS_IT_IS
-    first, last = (float(value) for value in np.percentile(known, (_LOW, _HIGH)))
+    first, last = _bounds(known)
     low = first - _ROOM * (last - first)
     if frame.image.dtype == np.uint16:
         low = float(np.floor(low))
     low = max(0.0, low) if first >= 0 else low
     return GreyRange(low, _gain(last - low, _noise(frame)))
+
+
+def _values_of_the_scene(frame: Frame) -> Image:
+    """(n,) values of pixels that have some and lie in no constant area; of all with a value where most is constant."""
+    sample, constant = _levels(frame, 4, 4), _constant(frame, 4)
+    known = np.isfinite(sample) & (sample != 0)
+    varied = known & ~constant
+    return np.asarray(sample[varied if varied.sum() >= _LEAST_VARIED * known.sum() else known])
+
+
+def _constant(frame: Frame, step: int) -> BoolArray:
+    """(rows, columns) of every so many: which pixels equal both neighbours in their row, or both in their column."""
+    levels = _levels(frame, 1, 1)
+    equal: list[BoolArray] = []
+    for values in (levels, levels.T):
+        same = np.zeros(values.shape, bool)
+        same[:, 1:-1] = (values[:, 1:-1] == values[:, :-2]) & (values[:, 1:-1] == values[:, 2:])
+        equal.append(same)
+    return np.asarray((equal[0] | equal[1].T)[::step, ::step])
+
+
+def _bounds(values: FloatArray | Image) -> tuple[float, float]:
+    """The lowest and the highest value that the scene has, without those that lie far from most."""
+    first, low, high, last = (float(one) for one in np.percentile(values, (_LOW, _MOST_LOW, _MOST_HIGH, _HIGH)))
+    span = high - low
+    return (low - _MARGIN * span if low - first > _FAR * span else first,
+            high + _MARGIN * span if last - high > _FAR * span else last)
 
 
 def _gain(span: float, noise: float) -> float:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import cv2
 import numpy as np
 import pytest
 from truth import picture
@@ -44,6 +47,50 @@ def test_zeros_of_a_depth_image_do_not_count() -> None:
     holed = depth.copy()
     holed[:, :150] = 0
     assert contrast(gray_of(holed, "mono16")[:, 150:]) == pytest.approx(contrast(gray_of(depth, "mono16")), rel=0.2)
+
+
+def stuck(values: Image, value: float) -> None:
+    rng = np.random.default_rng(2)
+    values[rng.random(values.shape) < 0.01] = value
+
+
+def bars(values: Image, value: float) -> None:
+    values[:40], values[-40:] = value, value
+
+
+def text(values: Image, value: float) -> None:
+    drawn = np.zeros(values.shape, np.uint8)
+    for row in range(3):
+        cv2.putText(drawn, "46.0123 N 7.4567 E 58 m", (8, 20 + 16 * row), cv2.FONT_HERSHEY_SIMPLEX, 0.45, 255, 1)
+    values[drawn > 0] = value
+
+
+def scale(values: Image, value: float) -> None:
+    values[20:-20, -24:-8] = np.linspace(1, value, values.shape[0] - 40)[:, None].astype(values.dtype)
+
+
+@pytest.mark.parametrize("spoil", [stuck, bars, text, scale])
+@pytest.mark.parametrize(("dtype", "value"), [
+    (np.uint16, 64), (np.uint16, 12000), (np.uint16, 16383), (np.uint16, 65535), (np.float32, -9999.0),
+    (np.float32, 1e5)])
+def test_what_is_no_scene_does_not_stretch_the_range(
+    spoil: Callable[[Image, float], None], dtype: type[np.generic], value: float
+) -> None:
+    """Pixels of any value that are stuck, bars, text and a colour scale over a thermal scene."""
+    scene = np.round(7400 + picture() * 2.0).astype(dtype)
+    spoilt = scene.copy()
+    spoil(spoilt, value)
+    encoding = "mono16" if dtype is np.uint16 else "32FC1"
+    middle = (slice(80, -80), slice(20, -40))
+    whole = contrast(gray_of(scene, encoding)[middle])
+    assert contrast(gray_of(spoilt, encoding)[middle]) > 0.4 * whole
+
+
+def test_a_bright_bank_beside_dark_water_is_shown() -> None:
+    """A corner of the picture is ground enough."""
+    values = np.round(100 + 0.04 * picture()).astype(np.uint16)
+    values[-80:, -80:] = 3000 + 4 * picture()[-80:, -80:].astype(np.uint16)
+    assert contrast(gray_of(values, "mono16")[-80:, -80:]) > 0.2 * contrast(picture()[-80:, -80:])
 
 
 def test_brighter_and_darker_frames_keep_the_range_and_saturate() -> None:
