@@ -60,14 +60,15 @@ class ImageFolder:
         pixels, path = _pixels(image), image.file.parent / image.name
         if pixels is None:
             return MessageError(f"{path} cannot be decoded")
-        decoded = _decoded(turned(pixels, self._orientation.take(image.name, about.orientation)), path, stamp)
+        own = about.orientation if image.orientation is None else image.orientation
+        decoded = _decoded(turned(pixels, self._orientation.take(image.name, own)), path, stamp)
         if isinstance(decoded, Frame):
             self._first = self._first or (image, decoded)
             _check_size(*self._first, image, decoded)
         return decoded
 
     def _metadata(self, number: int) -> ImageMetadata:
-        """Of an image; pages have none of their own."""
+        """Of an image's file; pages have none of their own."""
         image = self._images[number]
         about = read_metadata(image.file) if image.page is None else ImageMetadata()
         self._times.add(number, image.name, about.taken)
