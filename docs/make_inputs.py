@@ -125,7 +125,8 @@ PyAV's wheels bundle FFmpeg (LGPL) with the encoders x264 and x265 (GPL), which 
 | not read, but named | {unread} |
 | order | by the numbers in the names, `frame2` before `frame10`; said where the alphabet has another order |
 | left out | hidden files, as a Mac's `._IMG_1.JPG`; folders; files that are no images |
-| TIFF | page by page, strips or tiles, BigTIFF too; pages of another size are previews and left out |
+| TIFF | page by page, strips or tiles, BigTIFF too, and ImageJ's stacks above 4 GB; pages \
+of another size are previews and left out |
 | orientation (EXIF, tag of TIFF) | all are turned as the first image says, and that is said |
 | time | 1 s + frame / `--fps` (25 if not given). Where the times of EXIF say another rate, a warning names it |
 | animations (APNG, WebP) | refused, with the command that takes them apart |
