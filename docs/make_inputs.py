@@ -124,7 +124,8 @@ PyAV's wheels bundle FFmpeg (LGPL) with the encoders x264 and x265 (GPL), which 
 | read | {images} |
 | not read, but named | {unread} |
 | order | by the numbers in the names, `frame2` before `frame10`; said where the alphabet has another order |
-| left out | hidden files, as a Mac's `._IMG_1.JPG`; folders; files that are no images |
+| left out | hidden files, as a Mac's `._IMG_1.JPG`; folders; files that are no images; images without a number \
+beside more with one, as `average.png` beside `frame_0001.png`: said |
 | TIFF | page by page, strips or tiles, BigTIFF too, and ImageJ's stacks above 4 GB; pages \
 of another size are previews and left out |
 | orientation (EXIF, tag of TIFF) | all are turned as the first image says, and that is said |

@@ -110,6 +110,39 @@ def test_two_series_in_one_folder_are_said(tmp_path: Path) -> None:
         "recording"]
 
 
+def test_pictures_without_a_number_beside_a_series_are_left_out_and_said(tmp_path: Path) -> None:
+    """A mean or a mask that somebody made from the frames; it sorts before them and would be the reference."""
+    for number in range(3):
+        save(tmp_path / f"frame_{number:04}.png", number)
+    save(tmp_path / "average.png", 99)
+    frames, warnings = read(tmp_path)
+    assert numbers(frames) == [0, 1, 2]
+    said = "image without a number in the name, average.png, is left out; 3 others have one"
+    assert warnings == [f"{tmp_path}: 1 {said}"]
+    cv2.imwrite(str(tmp_path / "mask.jp2"), picture())
+    frames, warnings = read(tmp_path)
+    assert numbers(frames) == [0, 1, 2]
+    assert "2 images without a number in the name, average.png, mask.jp2, are left out" in warnings[0]
+
+
+def test_as_many_pictures_without_a_number_as_with_one_are_frames_and_said(tmp_path: Path) -> None:
+    for number, name in enumerate(("left", "right", "shot1", "shot2")):
+        save(tmp_path / f"{name}.png", number)
+    frames, warnings = read(tmp_path)
+    assert numbers(frames) == [0, 1, 2, 3]
+    assert warnings == [
+        f"{tmp_path}: 2 images without a number in the name, left.png, right.png, count as frames; 2 others have one"]
+
+
+@pytest.mark.parametrize("names", [
+    ["dawn", "dusk", "noon"], ["bank", "dusk", "shot1"], ["view", "view (2)", "view (3)"]], ids=lambda names: names[2])
+def test_pictures_without_numbers_stay_frames_where_there_is_no_series(names: list[str], tmp_path: Path) -> None:
+    for name in names:
+        cv2.imwrite(str(tmp_path / f"{name}.jp2"), picture())
+    frames, warnings = read(tmp_path)
+    assert (len(frames), warnings) == (3, [])
+
+
 def test_pictures_that_cannot_be_read_are_named_unless_they_accompany_one_that_can(tmp_path: Path) -> None:
     save(tmp_path / "DJI_0001.jpg")
     (tmp_path / "DJI_0001.DNG").write_bytes(b"II*\0")
