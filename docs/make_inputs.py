@@ -121,7 +121,7 @@ PyAV's wheels bundle FFmpeg (LGPL) with the encoders x264 and x265 (GPL), which 
 
 | | |
 |---|---|
-| read | {images} |
+| read | {images}; portable maps (PBM, PGM, PPM) in binary and as text |
 | not read, but named | {unread} |
 | order | by the numbers in the names, `frame2` before `frame10`; said where the alphabet has another order |
 | left out | hidden files, as a Mac's `._IMG_1.JPG`; folders; files that are no images; images without a number \

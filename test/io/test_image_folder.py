@@ -356,6 +356,21 @@ def test_a_folder_of_a_killed_recorder_is_a_bag(flight: list[Shot], tmp_path: Pa
     assert kind_of(tmp_path) is Kind.BAG
 
 
+@pytest.mark.parametrize("end", ["", "\n", " \r\n"], ids=repr)
+@pytest.mark.parametrize("top", [255, 65535])
+def test_portable_maps_as_text_come_as_they_are(top: int, end: str, tmp_path: Path) -> None:
+    grey, colour = picture()[:, :, 0].astype(np.uint16) * np.uint16(top // 255), picture()
+    files = (("0.pgm", "P2", f"{top}\n", grey), ("1.ppm", "P3", "255\n", colour), ("2.pnm", "P1", "", grey > top // 2))
+    for name, kind, most, values in files:
+        head = f"{kind}\n# by hand\n{SIZE[0]} {SIZE[1]}\n{most}"
+        (tmp_path / name).write_text(head + "\n".join(str(int(value)) for value in values.ravel()) + end, newline="")
+    frames, warnings = read(tmp_path)
+    np.testing.assert_array_equal(frames[0].image, grey)
+    np.testing.assert_array_equal(frames[1].image, colour[:, :, ::-1])
+    np.testing.assert_array_equal(frames[2].image, np.where(grey > top // 2, 0, 255))  # 1 is black
+    assert ["follow 3 patterns" in said for said in warnings] == [True]
+
+
 def test_grey_and_alpha_come_as_they_are(tmp_path: Path) -> None:
     for number, mode in enumerate(("RGB", "L", "RGBA", "LA")):
         Pillow.fromarray(picture()).convert(mode).save(tmp_path / f"{number}.png")
