@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 from collections import Counter
@@ -38,8 +39,8 @@ def unread_kinds(folder: Path) -> list[str]:
 
 def name_remarks(folder: Path, files: Sequence[Path]) -> list[str]:
     """What a user may not expect of the `image_files` of a folder, one line each."""
-    found = (_order(files), _series(files), _without_number(folder), _hidden(folder), _left_out(folder),
-             _bag_beside(folder))
+    found = (_order(files), _counter(files), _series(files), _without_number(folder), _hidden(folder),
+             _left_out(folder), _bag_beside(folder))
     return [f"{folder}: {remark}" for remark in found if remark]
 
 
@@ -95,6 +96,27 @@ def _order(files: Sequence[Path]) -> str:
         return ""
     return (f"the images are in the order of the numbers in their names, {first[0].name} before {first[1].name}, "
             "and not in alphabetical order")
+
+
+def _counter(files: Sequence[Path]) -> str:
+    """A counter of three digits or more that began again: one gap, and none at either end of its range."""
+    found = [_counted(file) for file in files]
+    if len(files) < 3 or len({head for head, _ in found}) > 1:
+        return ""
+    numbers = [number for _, number in found]
+    steps = [after - before for before, after in itertools.pairwise(numbers)]
+    *_, usual, gap = sorted(steps)
+    at, end = steps.index(gap), 10 ** max(3, len(str(numbers[-1])))
+    if numbers[0] > max(1, usual) or numbers[-1] + usual < end or gap < max(end // 2, 10 * usual):
+        return ""
+    return (f"the numbers jump from {files[at].name} to {files[at + 1].name}; if the counter of the camera went from "
+            f"{files[-1].name} on to {files[0].name}, rename the images up to {files[at].name} so that they come last")
+
+
+def _counted(file: Path) -> tuple[str, int]:
+    """The last number in the name, and what is before it; no number is -1."""
+    parts = _NUMBER.split(file.stem)
+    return ("".join(parts[:-2]).lower(), int(parts[-2])) if len(parts) > 1 else (file.stem, -1)
 
 
 def _series(files: Sequence[Path]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -97,6 +98,29 @@ def test_companions_hidden_files_folders_and_other_files_are_no_frames(tmp_path:
     frames, warnings = read(tmp_path)
     assert len(frames) == 3
     assert warnings == [f"{tmp_path}: 3 hidden files, as ._IMG_0000.JPG, are left out"]
+
+
+@pytest.mark.parametrize("taken", [
+    ("IMG_9998.JPG", "IMG_9999.JPG", "IMG_0001.JPG", "IMG_0002.JPG"), ("DJI_0998.jpg", "DJI_0999.JPG", "DJI_0000.JPG"),
+    ("f2_998.jpg", "f2_999.jpg", "f2_1.jpg"), ("G9985.png", "G9990.png", "G9995.png", "G0000.png", "G0005.png"),
+], ids=lambda names: names[0])
+def test_a_counter_that_began_again_is_said(taken: tuple[str, ...], tmp_path: Path) -> None:
+    for name in taken:
+        save(tmp_path / name)
+    last = next(name for name, after in itertools.pairwise(taken) if "9" in name and "9" not in after)
+    first = taken[taken.index(last) + 1]
+    (said,) = read(tmp_path)[1]
+    assert said == (f"{tmp_path}: the numbers jump from {taken[-1]} to {taken[0]}; if the counter of the camera went "
+                    f"from {last} on to {first}, rename the images up to {taken[-1]} so that they come last")
+
+
+@pytest.mark.parametrize("numbers_found", [
+    (1, 2, 3), (9997, 9998, 9999), (0, 3333, 6666, 9999), (5, 6, 9999), (1, 9, 10), (0, 400, 999), (1, 98, 99),
+    (0, 9999)])
+def test_other_gaps_in_the_numbers_are_none_of_a_counter(numbers_found: tuple[int, ...], tmp_path: Path) -> None:
+    for number in numbers_found:
+        save(tmp_path / f"IMG_{number:04}.JPG")
+    assert read(tmp_path)[1] == []
 
 
 def test_two_series_in_one_folder_are_said(tmp_path: Path) -> None:
