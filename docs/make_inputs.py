@@ -123,12 +123,16 @@ PyAV's wheels bundle FFmpeg (LGPL) with the encoders x264 and x265 (GPL), which 
 
 | | |
 |---|---|
-| read | {images} |
+| read | {images}; portable maps (PBM, PGM, PPM) in binary and as text |
 | not read, but named | {unread} |
-| order | by the numbers in the names, `frame2` before `frame10`; said where the alphabet has another order |
-| left out | hidden files, as a Mac's `._IMG_1.JPG`; folders; files that are no images |
-| TIFF | page by page, strips or tiles, BigTIFF too; pages of another size are previews and left out |
-| orientation (EXIF) | all are turned as the first image says, and that is said |
+| order | by the numbers in the names, `frame2` before `frame10`; said where the alphabet has another order. Where the \
+numbers look as if a camera's counter began again (`IMG_9999`, then `IMG_0001`), or EXIF times contradict the order, a \
+warning names the images; they must be renamed |
+| left out | hidden files, as a Mac's `._IMG_1.JPG`; folders; files that are no images; images without a number \
+beside more with one, as `average.png` beside `frame_0001.png`: said |
+| TIFF | page by page, strips or tiles, BigTIFF too, and ImageJ's stacks above 4 GB; pages \
+of another size are previews and left out |
+| orientation (EXIF, tag of TIFF) | all are turned as the first image says, and that is said |
 | time | 1 s + frame / `--fps` (25 if not given). Where the times of EXIF say another rate, a warning names it |
 | animations (APNG, WebP) | refused, with the command that takes them apart |
 | sizes | all images must have one size; grey, colour and alpha may alternate |

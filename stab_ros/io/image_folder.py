@@ -19,6 +19,8 @@ from stab_ros.io.orientation import Orientation
 from stab_ros.io.stored_image import StoredImage, stored_images
 from stab_ros.io.tiff_pages import DamagedTiffError
 
+_PLAIN = (b"P1", b"P2", b"P3")  # PBM, PGM and PPM whose numbers are text
+
 
 class ImageFolder:
     """A folder of images of one size in the order of the numbers in their names; TIFF files page by page.
@@ -60,14 +62,15 @@ class ImageFolder:
         pixels, path = _pixels(image), image.file.parent / image.name
         if pixels is None:
             return MessageError(f"{path} cannot be decoded")
-        decoded = _decoded(turned(pixels, self._orientation.take(image.name, about.orientation)), path, stamp)
+        own = about.orientation if image.orientation is None else image.orientation
+        decoded = _decoded(turned(pixels, self._orientation.take(image.name, own)), path, stamp)
         if isinstance(decoded, Frame):
             self._first = self._first or (image, decoded)
             _check_size(*self._first, image, decoded)
         return decoded
 
     def _metadata(self, number: int) -> ImageMetadata:
-        """Of an image; pages have none of their own."""
+        """Of an image's file; pages have none of their own."""
         image = self._images[number]
         about = read_metadata(image.file) if image.page is None else ImageMetadata()
         self._times.add(number, image.name, about.taken)
@@ -77,7 +80,10 @@ class ImageFolder:
 def _pixels(image: StoredImage) -> Image | None:
     """The array as stored; None: it cannot be decoded."""
     try:
-        return cv2.imdecode(np.frombuffer(image.read(), np.uint8), cv2.IMREAD_UNCHANGED)
+        data = image.read()
+        if data.startswith(_PLAIN):
+            data += b"\n"  # after the last number OpenCV needs one more character
+        return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except (OSError, DamagedTiffError, cv2.error):
         return None
 

@@ -37,7 +37,7 @@ class CaptureTime:
 
 @dataclass(frozen=True)
 class ImageMetadata:
-    """orientation: of EXIF, 1 to 8; 1 for TIFF, which OpenCV turns itself. pictures: of an animation, else 1."""
+    """orientation: of EXIF, 1 to 8. pictures: of an animation, else 1."""
 
     orientation: int = UPRIGHT
     taken: CaptureTime | None = None
@@ -60,7 +60,7 @@ def _metadata_of(image: Pillow.Image) -> ImageMetadata:
     if image.format == "PNG" and "exif" not in image.info:  # for which Pillow would decode all pixels
         return ImageMetadata(pictures=pictures)
     exif = image.getexif()
-    known = exif.get(_ORIENTATION) in TURNS and image.format != "TIFF"
+    known = exif.get(_ORIENTATION) in TURNS
     return ImageMetadata(exif[_ORIENTATION] if known else UPRIGHT, _taken(exif.get_ifd(_EXIF)), pictures)
 
 

@@ -6,18 +6,22 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stab_ros.core.text import are, counted
-from stab_ros.io.tiff_pages import DamagedTiffError, TiffFile, TiffPage
+from stab_ros.io.tiff_pages import DamagedTiffError, TiffFile, TiffPage, upright
 
 _TIFF = (".tif", ".tiff")
 
 
 @dataclass(frozen=True)
 class StoredImage:
-    """An image in a file. page: of a TIFF file with several frames, and its number, from 1; None: all of the file."""
+    """An image in a file. page: of a TIFF file with several frames, and its number, from 1; None: all of the file.
+
+    orientation: as that of EXIF, of a TIFF file; None: what its EXIF says.
+    """
 
     file: Path
     page: TiffPage | None = None
     number: int = 1
+    orientation: int | None = None
 
     @property
     def name(self) -> str:
@@ -25,13 +29,13 @@ class StoredImage:
         return self.file.name if self.page is None else f"{self.file.name} page {self.number}"
 
     def read(self) -> bytes:
-        """The image as a file of its own.
+        """The image as a file of its own, a TIFF file without orientation: OpenCV turns those whatever its flags say.
 
         Raises:
             OSError, DamagedTiffError: it cannot be read.
         """
         if self.page is None:
-            return self.file.read_bytes()
+            return upright(self.file.read_bytes())
         with self.file.open("rb") as file:
             return TiffFile(file).cut(self.page)
 
@@ -42,10 +46,11 @@ def stored_images(file: Path) -> tuple[list[StoredImage], str]:
     Pages of another size than the first frame are previews of it, as thumbnails and masks are.
     """
     pages, damage = _pages(file) if file.name.lower().endswith(_TIFF) else ([], "")
-    frames = [StoredImage(file, page, number) for number, page in enumerate(pages, 1) if page.is_frame]
+    frames = [StoredImage(file, page, number, page.orientation)
+              for number, page in enumerate(pages, 1) if page.is_frame]
     fitting = [image for image in frames if image.page and frames[0].page and image.page.size == frames[0].page.size]
     if len(pages) < 2 or not fitting:
-        return [StoredImage(file)], damage
+        return [StoredImage(file, orientation=pages[0].orientation if pages else None)], damage
     other = len(frames) - len(fitting)
     pages_left = f"{other} of its {counted(len(pages), 'page')} {are(other)}"
     sizes = f"{file}: {pages_left} of another size than the first, and left out"

@@ -2,13 +2,17 @@
 
 OpenCV decodes the first page of a file; for a later one its `imreadmulti` goes through all pages before it. So a page
 is cut out, its strips or tiles as they are: no more than one page is in memory, and each takes the same time.
+
+ImageJ writes stacks above 4 GB with one directory: the pixels of the other images follow those of the first.
 """
 
 from __future__ import annotations
 
+import io
+import re
 import struct
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import IO, NamedTuple
 
 import numpy as np
@@ -17,7 +21,10 @@ from numpy.typing import NDArray
 _BYTES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4, 16: 8, 17: 8, 18: 8}
 _INTEGERS = {1: "u1", 3: "u2", 4: "u4", 13: "u4", 16: "u8"}  # by type of a field
 _LONG, _LONG8 = 4, 16
-_SUBFILE_TYPE, _WIDTH, _HEIGHT = 254, 256, 257
+_SUBFILE_TYPE, _WIDTH, _HEIGHT, _BITS, _COMPRESSION, _DESCRIPTION, _ORIENTATION = 254, 256, 257, 258, 259, 270, 274
+_NO_COMPRESSION = (0, 1)
+_IMAGEJ = re.compile(rb"ImageJ=.*?^images=([0-9]{1,9})$", re.DOTALL | re.MULTILINE)  # its description of a stack
+_SHORT, _UPRIGHT = 3, 1
 _SEGMENTS = ((273, 279), (324, 325))  # tags of offsets and byte counts, of strips and of tiles
 _ELSEWHERE = (330, 34665, 34853, 40965)  # tags that point at directories outside of the page
 _NO_FRAME = 0b101  # bits of _SUBFILE_TYPE: a smaller version of another page, a mask
@@ -30,20 +37,27 @@ class DamagedTiffError(Exception):
 
 @dataclass(frozen=True)
 class TiffPage:
-    """offset: of its directory in the file. size: width, height, px. is_frame: neither thumbnail nor mask."""
+    """offset: of its directory in the file. size: width, height, px, as stored. is_frame: neither thumbnail nor mask.
+
+    orientation: as that of EXIF, 1 to 8; what is missing or unknown is 1. plane: how many images lie between the pixels
+    that the directory points at and those of this page.
+    """
 
     offset: int
     size: tuple[int, int]
     is_frame: bool
+    orientation: int
+    plane: int = 0
 
 
 class _Field(NamedTuple):
-    """An entry of a directory. values: how many. content: they themselves, or their offset."""
+    """An entry of a directory. values: how many. content: they, or their offset. place: of the entry in the file."""
 
     tag: int
     kind: int
     values: int
     content: bytes
+    place: int
 
     @property
     def length(self) -> int:
@@ -91,24 +105,64 @@ class TiffFile:
             length += directory.length
             if length > self._size:
                 raise DamagedTiffError("holds directories that overlap")
-            width, height, kind = (self._number(directory.fields, tag) for tag in (_WIDTH, _HEIGHT, _SUBFILE_TYPE))
-            yield TiffPage(offset, (width, height), not kind & _NO_FRAME)
+            page = self._page(offset, directory.fields)
+            yield page
+            if offset == self._first and not directory.following:
+                yield from self._planes(page, directory.fields)
             offset = directory.following
 
+    def _page(self, offset: int, fields: Mapping[int, _Field]) -> TiffPage:
+        width, height, kind, orientation = (
+            self._number(fields, tag) for tag in (_WIDTH, _HEIGHT, _SUBFILE_TYPE, _ORIENTATION))
+        known = orientation if 1 <= orientation <= 8 else _UPRIGHT
+        return TiffPage(offset, (width, height), not kind & _NO_FRAME, known)
+
+    def _planes(self, page: TiffPage, fields: Mapping[int, _Field]) -> Iterator[TiffPage]:
+        """The images after the first of a stack with one directory; none where the file has no room for any."""
+        told = _IMAGEJ.match(self._value(fields[_DESCRIPTION])) if _DESCRIPTION in fields else None
+        images = int(told[1]) if told else 1
+        room = self._room(fields) if images > 1 else 1
+        if room < 2:
+            return
+        if not self._is_plain(page.size, fields):
+            raise DamagedTiffError(f"lacks the directories of its {images} images (ImageJ saves an image sequence)")
+        yield from (replace(page, plane=plane) for plane in range(1, min(images, room)))
+        if room < images:
+            raise DamagedTiffError("is cut short")
+
+    def _room(self, fields: Mapping[int, _Field]) -> int:
+        """How many images as the first fit in the file from its first strip on; 0: there is no strip."""
+        at, counts = _SEGMENTS[0]
+        if at not in fields or counts not in fields:
+            return 0
+        offsets, length = self._integers(fields[at]), int(self._integers(fields[counts]).sum(dtype=np.float64))
+        return (self._size - int(offsets[0])) // length if len(offsets) and length else 0
+
+    def _is_plain(self, size: tuple[int, int], fields: Mapping[int, _Field]) -> bool:
+        """Whether an image is not compressed, and its strips, of which there must be one, follow each other."""
+        offsets, lengths = (self._integers(fields[tag]) for tag in _SEGMENTS[0])
+        bits = self._integers(fields[_BITS]).sum(dtype=np.float64) if _BITS in fields else 1  # of a pixel
+        whole = 8 * lengths.sum(dtype=np.float64) == size[0] * size[1] * bits
+        joined = np.array_equal(offsets[1:], (offsets[0] + np.cumsum(lengths))[:-1])
+        return bool(whole and joined and self._number(fields, _COMPRESSION) in _NO_COMPRESSION)
+
     def cut(self, page: TiffPage) -> bytes:
-        """The page alone, as a TIFF file.
+        """The page alone, as a TIFF file without orientation.
 
         Raises:
             DamagedTiffError: it is damaged.
         """
-        fields = {tag: field for tag, field in self._directory(page.offset).fields.items() if tag not in _ELSEWHERE}
+        left_out = (*_ELSEWHERE, _ORIENTATION)
+        fields = {tag: field for tag, field in self._directory(page.offset).fields.items() if tag not in left_out}
         if sum(field.length for field in fields.values()) > self._size:
             raise DamagedTiffError("holds fields that overlap")
         values = {tag: self._value(field) for tag, field in fields.items()}
         at, counts = next(((at, counts) for at, counts in _SEGMENTS if at in fields and counts in fields), (0, 0))
         if not at:
             raise DamagedTiffError("has a page without pixels")
-        segments = self._segments(self._integers(fields[at]), self._integers(fields[counts]))
+        lengths = self._integers(fields[counts])
+        behind = np.uint64(page.plane * int(lengths.sum(dtype=np.float64)))
+        segments = self._segments(self._integers(fields[at]) + behind, lengths)
         width = self._offset.size
         kinds = {tag: field.kind for tag, field in fields.items()} | {at: _LONG8 if width == 8 else _LONG}
         values[at] = bytes(len(segments) * width)
@@ -117,6 +171,20 @@ class TiffFile:
         values[at] = places.astype(f"{self._order}u{width}").tobytes()
         counted = {tag: len(segments) if tag == at else field.values for tag, field in fields.items()}
         return b"".join([self._written(kinds, counted, values), *segments])
+
+    def upright(self) -> bytes:
+        """The file with an orientation of 1 in its first page, so that no decoder turns it.
+
+        Raises:
+            DamagedTiffError: it is damaged.
+        """
+        field = self._directory(self._first).fields.get(_ORIENTATION)
+        data = self._read(0, self._size)
+        if field is None:
+            return data
+        one = struct.pack(f"{self._order}H", _UPRIGHT).ljust(self._offset.size, b"\0")
+        entry = self._entry.pack(_ORIENTATION, _SHORT, 1, one)
+        return b"".join([data[: field.place], entry, data[field.place + len(entry) :]])
 
     def _segments(self, offsets: NDArray[np.uint64], lengths: NDArray[np.uint64]) -> list[bytes]:
         if not len(offsets) or len(offsets) != len(lengths) or int(lengths.sum(dtype=np.float64)) > self._size:
@@ -145,7 +213,9 @@ class TiffFile:
             raise DamagedTiffError("has a directory of too many fields")
         length = count * self._entry.size
         data = self._read(offset + self._count.size, length + self._offset.size)
-        fields = map(_Field._make, self._entry.iter_unpack(data[:length]))
+        start = offset + self._count.size
+        fields = [_Field._make((*entry, start + number * self._entry.size))
+                  for number, entry in enumerate(self._entry.iter_unpack(data[:length]))]
         (following,) = self._offset.unpack(data[length:])
         return _Directory({field.tag: field for field in fields}, following, length)
 
@@ -171,4 +241,12 @@ class TiffFile:
         data = self._file.read(length)
         if len(data) < length:
             raise DamagedTiffError("is cut short")
+        return data
+
+
+def upright(data: bytes) -> bytes:
+    """A TIFF file that no decoder turns; any other file, and a damaged one, as it is."""
+    try:
+        return TiffFile(io.BytesIO(data)).upright()
+    except DamagedTiffError:
         return data

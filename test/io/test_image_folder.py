@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -98,6 +100,29 @@ def test_companions_hidden_files_folders_and_other_files_are_no_frames(tmp_path:
     assert warnings == [f"{tmp_path}: 3 hidden files, as ._IMG_0000.JPG, are left out"]
 
 
+@pytest.mark.parametrize("taken", [
+    ("IMG_9998.JPG", "IMG_9999.JPG", "IMG_0001.JPG", "IMG_0002.JPG"), ("DJI_0998.jpg", "DJI_0999.JPG", "DJI_0000.JPG"),
+    ("f2_998.jpg", "f2_999.jpg", "f2_1.jpg"), ("G9985.png", "G9990.png", "G9995.png", "G0000.png", "G0005.png"),
+], ids=lambda names: names[0])
+def test_a_counter_that_began_again_is_said(taken: tuple[str, ...], tmp_path: Path) -> None:
+    for name in taken:
+        save(tmp_path / name)
+    last = next(name for name, after in itertools.pairwise(taken) if "9" in name and "9" not in after)
+    first = taken[taken.index(last) + 1]
+    (said,) = read(tmp_path)[1]
+    assert said == (f"{tmp_path}: the numbers jump from {taken[-1]} to {taken[0]}; if the counter of the camera went "
+                    f"from {last} on to {first}, rename the images up to {taken[-1]} so that they come last")
+
+
+@pytest.mark.parametrize("numbers_found", [
+    (1, 2, 3), (9997, 9998, 9999), (0, 3333, 6666, 9999), (5, 6, 9999), (1, 9, 10), (0, 400, 999), (1, 98, 99),
+    (0, 9999)])
+def test_other_gaps_in_the_numbers_are_none_of_a_counter(numbers_found: tuple[int, ...], tmp_path: Path) -> None:
+    for number in numbers_found:
+        save(tmp_path / f"IMG_{number:04}.JPG")
+    assert read(tmp_path)[1] == []
+
+
 def test_two_series_in_one_folder_are_said(tmp_path: Path) -> None:
     for number in range(3):
         save(tmp_path / f"DJI_{number:04}.png", number)
@@ -107,6 +132,39 @@ def test_two_series_in_one_folder_are_said(tmp_path: Path) -> None:
     assert [*map(str, warnings)] == [
         f"{tmp_path}: the names of the images follow 2 patterns, DJI_#.png (3), GOPR#.jpg (3); all are frames of one "
         "recording"]
+
+
+def test_pictures_without_a_number_beside_a_series_are_left_out_and_said(tmp_path: Path) -> None:
+    """A mean or a mask that somebody made from the frames; it sorts before them and would be the reference."""
+    for number in range(3):
+        save(tmp_path / f"frame_{number:04}.png", number)
+    save(tmp_path / "average.png", 99)
+    frames, warnings = read(tmp_path)
+    assert numbers(frames) == [0, 1, 2]
+    said = "image without a number in the name, average.png, is left out; 3 others have one"
+    assert warnings == [f"{tmp_path}: 1 {said}"]
+    cv2.imwrite(str(tmp_path / "mask.jp2"), picture())
+    frames, warnings = read(tmp_path)
+    assert numbers(frames) == [0, 1, 2]
+    assert "2 images without a number in the name, average.png, mask.jp2, are left out" in warnings[0]
+
+
+def test_as_many_pictures_without_a_number_as_with_one_are_frames_and_said(tmp_path: Path) -> None:
+    for number, name in enumerate(("left", "right", "shot1", "shot2")):
+        save(tmp_path / f"{name}.png", number)
+    frames, warnings = read(tmp_path)
+    assert numbers(frames) == [0, 1, 2, 3]
+    assert warnings == [
+        f"{tmp_path}: 2 images without a number in the name, left.png, right.png, count as frames; 2 others have one"]
+
+
+@pytest.mark.parametrize("names", [
+    ["dawn", "dusk", "noon"], ["bank", "dusk", "shot1"], ["view", "view (2)", "view (3)"]], ids=lambda names: names[2])
+def test_pictures_without_numbers_stay_frames_where_there_is_no_series(names: list[str], tmp_path: Path) -> None:
+    for name in names:
+        cv2.imwrite(str(tmp_path / f"{name}.jp2"), picture())
+    frames, warnings = read(tmp_path)
+    assert (len(frames), warnings) == (3, [])
 
 
 def test_pictures_that_cannot_be_read_are_named_unless_they_accompany_one_that_can(tmp_path: Path) -> None:
@@ -156,19 +214,47 @@ def test_images_are_turned_as_a_viewer_shows_them(suffix: str, orientation: int,
     frames, warnings = read(tmp_path)
     for frame in frames:
         np.testing.assert_allclose(frame.image[:, :, ::-1].astype(int), shown.astype(int), atol=12)
-    silent = orientation == 1 or suffix == "tif"  # which OpenCV has always turned
-    assert [f"{tmp_path}: the images are" in said for said in warnings] == ([] if silent else [True])
+    assert [f"{tmp_path}: the images are" in said for said in warnings] == ([] if orientation == 1 else [True])
 
 
-def test_one_flight_keeps_one_orientation(tmp_path: Path) -> None:
+@pytest.mark.parametrize("suffix", ["png", "tif"])
+def test_one_flight_keeps_one_orientation(suffix: str, tmp_path: Path) -> None:
     """A camera that looks straight down: the sensor of gravity jumps, the picture does not."""
     for number, orientation in enumerate((6, 6, 1, 3)):
-        save(tmp_path / f"{number}.png", number, exif(orientation))
+        save(tmp_path / f"{number}.{suffix}", number, exif(orientation))
     frames, warnings = read(tmp_path)
     assert {frame.size for frame in frames} == {SIZE[::-1]}
     np.testing.assert_array_equal(frames[3].image[1:, :-1], frames[0].image[1:, :-1])
-    assert warnings == [f"{tmp_path}: all images are turned by 90 degrees clockwise, as the EXIF orientation of 0.png "
-                        "says; 2 have another, the first of them 2.png"]
+    assert warnings == [f"{tmp_path}: all images are turned by 90 degrees clockwise, as the EXIF orientation of "
+                        f"0.{suffix} says; 2 have another, the first of them 2.{suffix}"]
+
+
+@pytest.mark.parametrize("options", [{}, {"byteorder": ">"}, {"bigtiff": True}, {"compression": "zlib"}], ids=str)
+@pytest.mark.parametrize("dtype", ["uint8", "uint16", "float32", "float64"])
+def test_pages_and_values_of_any_type_are_turned_as_the_first_says(
+    dtype: str, options: dict[str, Any], tmp_path: Path
+) -> None:
+    """What Pillow cannot open as well, as 64 bit; OpenCV would turn each by its own."""
+    stored = picture()[:, :, 0].astype(dtype)
+    for name, pages in (("0", 1), ("1", 3)):
+        with tifffile.TiffWriter(tmp_path / f"{name}.tif", bigtiff="bigtiff" in options,
+                                 byteorder=options.get("byteorder", "<")) as writer:
+            for page in range(pages):
+                writer.write(stored, photometric="minisblack", compression=options.get("compression"), metadata=None,
+                             extratags=[(274, "H", 1, 8 if page == 0 else 3, True)])
+    frames, warnings = read(tmp_path)
+    assert len(frames) == 4
+    for frame in frames:
+        np.testing.assert_array_equal(frame.image, np.rot90(stored))
+    assert warnings == [f"{tmp_path}: all images are turned by 90 degrees counterclockwise, as the EXIF orientation of "
+                        "0.tif says; 2 have another, the first of them 1.tif page 2"]
+
+
+def test_a_tiff_file_of_another_name_is_turned_once(tmp_path: Path) -> None:
+    Pillow.fromarray(picture()).save(tmp_path / "0.jpg", "TIFF", exif=exif(6))
+    (frame,), (said,) = read(tmp_path)
+    np.testing.assert_array_equal(frame.image[:, :, ::-1], np.rot90(picture(), -1))
+    assert "the images are turned by 90 degrees clockwise" in said
 
 
 def photos(folder: Path, seconds: list[Fraction], digits: int) -> None:
@@ -292,6 +378,21 @@ def test_images_with_a_recording_beside_them_are_images_and_say_so(flight: list[
 def test_a_folder_of_a_killed_recorder_is_a_bag(flight: list[Shot], tmp_path: Path) -> None:
     write_mcap(tmp_path / "bag_0.mcap", list(entries(flight[:2])))
     assert kind_of(tmp_path) is Kind.BAG
+
+
+@pytest.mark.parametrize("end", ["", "\n", " \r\n"], ids=repr)
+@pytest.mark.parametrize("top", [255, 65535])
+def test_portable_maps_as_text_come_as_they_are(top: int, end: str, tmp_path: Path) -> None:
+    grey, colour = picture()[:, :, 0].astype(np.uint16) * np.uint16(top // 255), picture()
+    files = (("0.pgm", "P2", f"{top}\n", grey), ("1.ppm", "P3", "255\n", colour), ("2.pnm", "P1", "", grey > top // 2))
+    for name, kind, most, values in files:
+        head = f"{kind}\n# by hand\n{SIZE[0]} {SIZE[1]}\n{most}"
+        (tmp_path / name).write_text(head + "\n".join(str(int(value)) for value in values.ravel()) + end, newline="")
+    frames, warnings = read(tmp_path)
+    np.testing.assert_array_equal(frames[0].image, grey)
+    np.testing.assert_array_equal(frames[1].image, colour[:, :, ::-1])
+    np.testing.assert_array_equal(frames[2].image, np.where(grey > top // 2, 0, 255))  # 1 is black
+    assert ["follow 3 patterns" in said for said in warnings] == [True]
 
 
 def test_grey_and_alpha_come_as_they_are(tmp_path: Path) -> None:

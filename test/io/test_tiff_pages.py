@@ -58,6 +58,52 @@ def test_a_stack_of_imagej_comes_back(tmp_path: Path) -> None:
     np.testing.assert_array_equal([pixels(image) for image in images], stack("uint16"))
 
 
+def with_one_directory(path: Path, **options: Any) -> None:
+    """A stack as ImageJ writes it above 4 GB, where tifffile would write a directory for each page."""
+    written = stack("uint16")
+    tifffile.imwrite(path, written, imagej=True, **options)
+    data = bytearray(path.read_bytes())
+    with tifffile.TiffFile(path) as file:
+        first, order = file.pages.first.offset, file.byteorder
+    (entries,) = struct.unpack_from(f"{order}H", data, first)
+    struct.pack_into(f"{order}I", data, first + 2 + 12 * entries, 0)
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize("options", [{}, {"byteorder": "<"}, {"rowsperstrip": 7}], ids=str)
+def test_a_stack_of_imagej_with_one_directory_comes_back(options: dict[str, Any], tmp_path: Path) -> None:
+    with_one_directory(tmp_path / "s.tif", **options)
+    with tifffile.TiffFile(tmp_path / "s.tif") as file:
+        assert len(file.pages) == 1
+    images, remark = stored_images(tmp_path / "s.tif")
+    assert ([image.name for image in images], remark) == ([f"s.tif page {number + 1}" for number in range(PAGES)], "")
+    np.testing.assert_array_equal([pixels(image) for image in images], stack("uint16"))
+
+
+def test_one_directory_of_imagej_that_cannot_be_followed_is_said(tmp_path: Path) -> None:
+    with_one_directory(tmp_path / "s.tif")
+    whole = (tmp_path / "s.tif").read_bytes()
+    (tmp_path / "s.tif").write_bytes(whole[: len(whole) // 2])  # cut off
+    images, remark = stored_images(tmp_path / "s.tif")
+    np.testing.assert_array_equal([pixels(image) for image in images], stack("uint16")[: len(images)])
+    assert (len(images), remark) == (2, f"{tmp_path / 's.tif'}: is cut short after page 2, what follows is lost")
+
+    with_one_directory(tmp_path / "c.tif", compression="zlib")
+    images, remark = stored_images(tmp_path / "c.tif")
+    np.testing.assert_array_equal(pixels(images[0]), stack("uint16")[0])
+    assert (len(images), remark) == (1, f"{tmp_path / 'c.tif'}: lacks the directories of its {PAGES} images "
+                                        "(ImageJ saves an image sequence) after page 1, what follows is lost")
+
+
+def test_one_image_with_the_description_of_a_stack_is_one(tmp_path: Path) -> None:
+    """As other programs leave it when they take a stack apart."""
+    tifffile.imwrite(tmp_path / "s.tif", stack("uint16")[0], description="ImageJ=1.53t\nimages=5\nslices=5\n",
+                     metadata=None)
+    images, remark = stored_images(tmp_path / "s.tif")
+    assert (len(images), remark) == (1, "")
+    np.testing.assert_array_equal(pixels(images[0]), stack("uint16")[0])
+
+
 def test_a_page_is_a_file_of_its_own_and_no_larger(tmp_path: Path) -> None:
     tifffile.imwrite(tmp_path / "s.tif", stack("uint16"), photometric="minisblack", rowsperstrip=7)
     for image, page in zip(stored_images(tmp_path / "s.tif")[0], stack("uint16"), strict=True):
