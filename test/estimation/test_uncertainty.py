@@ -70,7 +70,8 @@ def clear(flights: list[Flight]) -> Flown:
     return fly(make_stabilizer({}), flights[0])
 
 
-@pytest.mark.parametrize("worse", list(WORSE))
+@pytest.mark.parametrize("worse", [
+    pytest.param(worse, marks=pytest.mark.thorough if worse == "blur" else ()) for worse in WORSE])
 def test_sigma_grows_when_the_picture_gets_worse(worse: str, flights: list[Flight], clear: Flown) -> None:
     spoil, values = WORSE[worse]
     worn = fly(make_stabilizer(values), flights[0], lambda number, image: spoil(image) if number else image)

@@ -296,6 +296,7 @@ def test_errors_by_followed_control_points_are_as_told(calibrated: bool) -> None
     scores.check()
 
 
+@pytest.mark.thorough
 def test_errors_by_sensors_alone_are_as_told() -> None:
     """Several frames lie between the same samples, so that neighbours share most of their errors."""
     scores = Scores()

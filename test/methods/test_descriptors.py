@@ -57,10 +57,12 @@ def test_sift_with_magsac_on_flights(shots: list[Shot]) -> None:
     assert np.median(errors_px(shots, {"method": "sift"})) <= 0.02  # the issue asks for 0.08
 
 
+@pytest.mark.thorough
 def test_akaze_with_the_values_of_flowvelo(shots: list[Shot]) -> None:
     assert np.median(errors_px(shots, AKAZE | {"akaze.threshold": 0.005})) <= 0.1
 
 
+@pytest.mark.thorough
 def test_akaze_with_a_threshold_for_larger_pictures_is_right_or_lost(shots: list[Shot]) -> None:
     errors = errors_px(shots, AKAZE | {"akaze.threshold": 0.02})
     assert (np.isinf(errors) | (errors < 0.5)).all()

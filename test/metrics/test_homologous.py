@@ -148,6 +148,7 @@ def test_a_plain_search_of_the_whole_picture_agrees(name: str, left_px: float) -
     assert found.reference_px == pytest.approx(left_px, abs=0.25 if left_px == 0 else 0.1)
 
 
+@pytest.mark.thorough
 def test_a_plain_search_agrees_on_real_video(shared_data: Path) -> None:
     capture = cv2.VideoCapture(str(shared_data / "navizence.mp4"))
     video = [cv2.cvtColor(capture.read()[1], cv2.COLOR_BGR2GRAY) for _ in range(11)]

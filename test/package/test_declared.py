@@ -104,6 +104,7 @@ def test_rosdep_brings_what_the_tests_import(package: Package) -> None:
     assert test == keys_of(imports_of("test")) - run
 
 
+@pytest.mark.thorough
 def test_pip_brings_what_the_code_imports(setup_words: dict[str, Any]) -> None:
     modules = imports_of("stab_ros") | imports_of("examples")
     known = {DISTRIBUTIONS.get(one, one.lower()) for one in modules & {*KEYS}} | {"rosbags-image"}
@@ -115,6 +116,7 @@ def test_pip_brings_what_the_code_imports(setup_words: dict[str, Any]) -> None:
         "std_msgs", "std_srvs", "visualization_msgs"}
 
 
+@pytest.mark.thorough
 def test_pip_brings_what_the_tests_import(setup_words: dict[str, Any]) -> None:
     run, test = (distributions(words) for words in (setup_words["install_requires"],
                                                     setup_words["extras_require"]["test"]))

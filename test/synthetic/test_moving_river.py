@@ -223,6 +223,7 @@ def test_seeding_is_as_dense_as_asked_for(per_m2: float) -> None:
     assert (bright[inside] > 0).sum() / 45 == pytest.approx(2 * per_m2, rel=0.25)
 
 
+@pytest.mark.thorough
 def test_texture_is_as_strong_as_asked_for_and_everywhere() -> None:
     flight = RiverFlight(flooded(ALPINE), flow_of(ALPINE), replace(BLANK, texture=10.0), SIZE, 3)
     blocks = flight[2].image.astype(float).reshape(6, 30, 8, 40).swapaxes(1, 2).std(axis=(2, 3))

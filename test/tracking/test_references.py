@@ -94,7 +94,7 @@ def test_homographies_stay_in_the_model(reference: str, model: str) -> None:
         np.testing.assert_allclose(H[:2, :2], np.eye(2), atol=1e-12)
 
 
-@pytest.mark.parametrize("reference", ["updated", "adjacent"])
+@pytest.mark.parametrize("reference", [pytest.param("updated", marks=pytest.mark.thorough), "adjacent"])
 def test_a_turn_that_the_reference_cannot_follow(reference: str) -> None:
     """Windows that are only shifted are not found again turned by 50 degrees, but from frame to frame they are."""
     path = [similarity(5.0 * k, 1.0) for k in range(11)]
