@@ -8,12 +8,14 @@ import shutil
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import zstandard
-from bag_makers import FLIGHT, JAZZY, METADATA, NOETIC, START_NS, STRING, Read, by_mcap, read, ros1_messages
+from bag_makers import FLIGHT, JAZZY, METADATA, NOETIC, START_NS, STRING, Read, by_mcap, flight, read, ros1_messages
 from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, Schema
@@ -24,7 +26,11 @@ from rosbags.rosbag2 import Writer as Writer2
 
 from stab_ros.core.errors import InputError
 from stab_ros.io.bag import Message
+from stab_ros.io.cdr import Header
+from stab_ros.io.image_message import image_cdr
 from stab_ros.io.mcap_records import MAGIC
+from stab_ros.io.source import open_source
+from stab_ros.jobs.recover import recover
 
 
 # damage ---------------------------------------------------------------------------------------------------------------
@@ -99,6 +105,53 @@ def test_cut_off_anywhere(tmp_path: Path, compression: CompressionType) -> None:
             ends.append(len(found.messages))
     assert ends == sorted(ends)  # the more is left of the file, the more is read
     assert ends[-1] == len(FLIGHT)
+
+
+LONG = flight(150)  # of 0.75 MB, some blocks of any compression
+
+
+@pytest.mark.parametrize("compression", COMPRESSIONS)
+def test_cut_off_within_its_only_chunk(tmp_path: Path, compression: CompressionType) -> None:
+    path = by_mcap(tmp_path / "whole.mcap", LONG, compression=compression, chunk_size=2**22)
+    content = path.read_bytes()
+    block = 0 if compression is CompressionType.NONE else 2**17  # noise does not shrink
+    for length in (len(content) * 6 // 10, len(content) * 9 // 10):
+        path.write_bytes(content[:length])
+        ends = [content.find(message.data) + len(message.data) for message in LONG] if block == 0 else list(
+            accumulate(len(message.data) + 31 for message in LONG))
+        before = sum(0 < end <= length - block for end in ends)
+        found = read(path)
+        assert before > 10
+        assert len(found.messages) == before if block == 0 else before - 5 < len(found.messages) < len(LONG)
+        assert found.messages == LONG[: len(found.messages)]
+        assert f"the recording was cut off at byte {length}" in found.warnings[0]
+        assert f"is cut off, its first {len(found.messages)} messages are read" in found.warnings[1]
+        recover(path, tmp_path / "fixed.mcap", overwrite=True)
+        assert read(tmp_path / "fixed.mcap")[:2] == (found.messages, [])
+
+
+@pytest.mark.parametrize(("length", "said"), [
+    (100, "holds no images"), (3000, "not one image of /cam/image_raw can be decoded")])
+def test_cut_off_before_the_first_image(tmp_path: Path, length: int, said: str) -> None:
+    path = by_mcap(tmp_path / "whole.mcap", compression=CompressionType.NONE)
+    path.write_bytes(path.read_bytes()[:length])
+    with pytest.raises(InputError) as caught, open_source(path) as source:
+        list(source.items())
+    message = str(caught.value)
+    assert message.startswith(f"{path}: {said}")
+    assert f"the recording was cut off at byte {length}" in message
+    assert len(message.splitlines()) == 1
+
+
+def test_a_large_chunk_that_is_compressed(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    sent = [Message("/cam/image_raw", START_NS + number, START_NS + number, image_cdr(
+        rng.integers(0, 16, (3000, 4000), np.uint8), "mono8", Header(START_NS, "cam"))) for number in range(4)]
+    path = by_mcap(tmp_path / "large.mcap", sent, chunk_size=2**26, compression=CompressionType.ZSTD)
+    assert 2**24 < path.stat().st_size < 2**25
+    assert read(path)[:2] == (sent, [])
+    path.write_bytes(path.read_bytes()[: 2**24 + 2**20])
+    assert read(path).messages == sent[:2]
 
 
 def largest_chunk(path: Path) -> int:
