@@ -23,6 +23,7 @@ from stab_ros.io.mcap_records import (
     split,
 )
 from stab_ros.io.mcap_scan import scan
+from stab_ros.io.other_storage import remedy_for, storage_of
 
 _LARGE = 2**24  # bytes of a block that is not kept in memory beside its messages
 
@@ -66,6 +67,10 @@ class McapFile:
             magic = read_exactly(self._file, 0, len(MAGIC))
         except DamagedError as damage:
             raise InputError(f"{self.path}: {damage}, it must be an MCAP file") from damage
+        storage = storage_of(self.path)
+        if storage is not None:
+            raise InputError(f"{self.path}: is {storage.name}, not an MCAP file; if it {storage.damage}, "
+                             f"{remedy_for(self.path, storage)}")
         if magic != MAGIC:
             raise InputError(f"{self.path}: is not an MCAP file, it must begin with the bytes 89 4D 43 41 50 30 0D 0A")
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import shutil
 import sqlite3
+import subprocess
 from collections.abc import Iterator
 from contextlib import closing
 from itertools import accumulate
@@ -15,7 +17,20 @@ from typing import Any
 import numpy as np
 import pytest
 import zstandard
-from bag_makers import FLIGHT, JAZZY, METADATA, NOETIC, START_NS, STRING, Read, by_mcap, flight, read, ros1_messages
+from bag_makers import (
+    FLIGHT,
+    JAZZY,
+    METADATA,
+    NOETIC,
+    START_NS,
+    STRING,
+    Read,
+    by_mcap,
+    flight,
+    read,
+    ros1_messages,
+    without_publish_time,
+)
 from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, Schema
@@ -26,10 +41,10 @@ from rosbags.rosbag2 import Writer as Writer2
 
 from stab_ros.core.errors import InputError
 from stab_ros.io.bag import Message
-from stab_ros.io.cdr import Header
+from stab_ros.io.cdr import IMAGE, Header
 from stab_ros.io.image_message import image_cdr
 from stab_ros.io.mcap_records import MAGIC
-from stab_ros.io.source import open_source
+from stab_ros.io.source import Kind, kind_of, open_source
 from stab_ros.jobs.recover import recover
 
 
@@ -222,6 +237,72 @@ def test_damaged_sqlite3_and_ros1(tmp_path: Path, suffix: str) -> None:
         found = outcome(path)
         assert len(found.splitlines()) == 1 if isinstance(found, str) else all(
             len(line.splitlines()) == 1 for line in found.warnings)
+
+
+def ros1_bag(path: Path, count: int = 300) -> Path:
+    with Writer1(path) as writer:
+        for topic, msgtype, message in ros1_messages():
+            connection = writer.add_connection(topic, msgtype, typestore=NOETIC)
+            for number in range(count):
+                writer.write(connection, START_NS + number, NOETIC.serialize_ros1(message, msgtype))
+    return path
+
+
+def sqlite3_bag(folder: Path) -> Path:
+    with Writer2(folder, version=9) as writer:
+        connection = writer.add_connection("/cam/image_raw", IMAGE, typestore=JAZZY)
+        for message in LONG[::2]:
+            writer.write(connection, message.log_time_ns, message.data)
+    return folder / f"{folder.name}.db3"
+
+
+@pytest.mark.parametrize("name", ["a b.bag", "a b.bag.active"])
+def test_a_ros1_bag_that_was_not_closed(tmp_path: Path, name: str) -> None:
+    path = ros1_bag(tmp_path / name)
+    content = path.read_bytes()
+    assert kind_of(path) is Kind.BAG
+    assert len(read(path).messages) == 900
+    unindexed = re.sub(rb"index_pos=.{8}", b"index_pos=" + bytes(8), content, count=1, flags=re.DOTALL)
+    assert unindexed != content
+    for left in (content[: len(content) // 2], content[:-200], unindexed):
+        path.write_bytes(left)
+        line = refusal(path)
+        assert line.startswith(f"{path}: cannot be read (Bag ")
+        assert "it is cut off or was not closed; `rosbag reindex 'a b.bag" in line
+        assert "('" not in line
+        assert len(line.splitlines()) == 1
+        with pytest.raises(InputError, match=r"is a ROS 1 bag, not an MCAP file; if it is cut off .* `rosbag "):
+            recover(path, tmp_path / "fixed.mcap")
+
+
+def test_a_damaged_sqlite3_file(tmp_path: Path) -> None:
+    path = sqlite3_bag(tmp_path / "bag")
+    content = path.read_bytes()
+    assert read(path).messages == without_publish_time(LONG[::2])
+    for length in (len(content) // 10, len(content) // 2, len(content) // 2 // 4096 * 4096):
+        path.write_bytes(content[:length])
+        line = refusal(path)
+        assert line.startswith(f"{path}: cannot be read (")
+        assert 'it is damaged or cut off; `sqlite3 bag.db3 ".recover" | sqlite3 whole.db3` saves' in line
+        assert len(line.splitlines()) == 1
+        with pytest.raises(InputError, match="is a recording in sqlite3, not an MCAP file; if it is damaged"):
+            recover(path, tmp_path / "fixed.mcap")
+    path.write_bytes(content[:-100])
+    (warning,) = read(path).warnings
+    assert "what follows is lost; `sqlite3 bag.db3" in warning
+
+
+@pytest.mark.skipif(shutil.which("sqlite3") is None, reason="needs the program sqlite3")
+def test_the_other_way_of_the_docs_saves_what_lies_before_the_damage(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "inputs.md").read_text(encoding="utf-8")
+    (line,) = re.findall(r"^    (sqlite3 DAMAGED.*)$", page, re.MULTILINE)
+    path = sqlite3_bag(tmp_path / "bag")
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 6 // 10])
+    subprocess.run(["/bin/sh", "-c", line.replace("DAMAGED.db3", "bag/bag.db3")], cwd=tmp_path, check=True,
+                   capture_output=True)
+    found = read(tmp_path / "whole.db3").messages
+    assert len(found) > len(LONG) // 2 * 5 // 10
+    assert found[:-1] == without_publish_time(LONG[::2])[: len(found) - 1]
 
 
 def test_messages_in_the_journal_of_a_killed_recorder_are_told(tmp_path: Path) -> None:
