@@ -40,11 +40,29 @@ named; without `metadata.yaml` all parts are taken. A `metadata.yaml` of another
 | `.bag`, and MCAP with messages of ROS 1 | converted to CDR, with the types of Jazzy |
 | attachments and metadata of an MCAP | `stabilize`, `convert` and `recover` copy them byte for byte; `info` lists \
 them |
-| a damaged recording | every message that can be read is; what is lost is said. `stab-ros recover` makes a whole \
-file of it |
+| a damaged recording | see [below](#damaged-recordings) |
 
 A file that is compressed as a whole is unpacked into the folder for temporary files, and may take half of the space \
 that is free there.
+
+### Damaged recordings
+
+What is lost is said, with the place.
+
+| what | what is read | what saves it |
+|---|---|---|
+| an MCAP that is damaged or cut off | every chunk whose CRC is right, and of the chunk within which the file ends \
+each message before that; of lz4 and zstd, which unpack by blocks, often some less | `stab-ros recover BROKEN.mcap \
+FIXED.mcap` writes a whole file of what can be read |
+| a `.bag` that is cut off, a `.bag.active` that was not closed | nothing, as the index at its end is missing (a whole \
+`.bag.active` is read as a `.bag`) | `rosbag reindex` of ROS 1 |
+| a `.db3` that is damaged or cut off | nothing, or the messages before the damage where SQLite can still count them | \
+`sqlite3 DAMAGED.db3 ".recover" \\| sqlite3 whole.db3` |
+
+Where the program `sqlite3` was built without `.recover` (Debian 12: "SQL logic error"), this saves what lies before \
+the damage, of which the last message may be damaged itself:
+
+    sqlite3 DAMAGED.db3 .dump | sed 's/^ROLLBACK.*/COMMIT;/' | sqlite3 whole.db3
 
 ### Images in a recording
 

@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 from stab_ros.core.errors import ConfigError
 
 _LARGEST_INTEGER = 2**63 - 1  # of a ROS parameter
+_YAML_WORDS = {False: ("off", "no", "false", "n"), True: ("on", "yes", "true", "y")}  # as YAML 1.1 and rcl read them
 
 Value: TypeAlias = bool | int | float | str
 
@@ -46,7 +47,8 @@ def settings_of(config: Any) -> Iterator[tuple[str, Value, Range]]:
 def checked(name: str, value: object, default: Value, limits: Range) -> Value:
     """`value` converted to the type of `default`, after a check against `limits`.
 
-    A list is the JSON of it where the parameter is text, as polygons are.
+    A list is the JSON of it where the parameter is text, as polygons are. Where it has choices, a bool is the one that
+    YAML reads so: `off` for False.
 
     Raises:
         ConfigError: wrong type, out of range, or not one of the choices.
@@ -57,8 +59,11 @@ def checked(name: str, value: object, default: Value, limits: Range) -> Value:
         value = str(value)  # `passes:=21` is a whole number to YAML
     if isinstance(default, str) and not isinstance(value, str) and isinstance(value, Sequence) and not limits.choices:
         value = _json_of(value)
+    if isinstance(value, bool) and limits.choices:
+        value = _choice_of(value, limits.choices)
     if not isinstance(value, type(default)) or type(value) is not type(default):
-        raise ConfigError(f"{name}: {value!r} is a {type(value).__name__}, it must be a {type(default).__name__}")
+        must = f"one of {', '.join(limits.choices)}" if limits.choices else f"a {type(default).__name__}"
+        raise ConfigError(f"{name}: {value!r} is a {type(value).__name__}, it must be {must}")
     if limits.choices and value not in limits.choices:
         meant = did_you_mean(str(value), limits.choices)
         must = f"{meant} It must" if meant else "it must"
@@ -69,6 +74,12 @@ def checked(name: str, value: object, default: Value, limits: Range) -> Value:
         if not low <= value <= high:  # also refuses NaN
             raise ConfigError(f"{name}: {value!r} is out of range, it must lie in [{low:g}, {high:g}]")
     return value
+
+
+def _choice_of(value: bool, choices: Iterable[str]) -> str | bool:
+    """The one choice that YAML reads as this bool; the bool where there is none, or several."""
+    found = [choice for choice in choices if choice in _YAML_WORDS[value]]
+    return found[0] if len(found) == 1 else value
 
 
 def _json_of(values: Sequence[object]) -> str:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
+_REASONS = 4  # warnings in one line
+
 
 def number(value: float | None) -> str:
     """The number with full double precision; empty for None."""
@@ -21,3 +25,10 @@ def are(n: int) -> str:
 def one_line(text: object) -> str:
     """The text on one line; unprintable characters, such as terminal control codes, are replaced."""
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(str(text).split()))
+
+
+def reasons(name: str, warnings: Iterable[str]) -> str:
+    """What is warned of the input `name`, in brackets, to stand behind an error that it explains; "" for nothing."""
+    told = [line.removeprefix(f"{name}: ") for line in warnings]
+    more = f"; {len(told) - _REASONS} more" if len(told) > _REASONS else ""
+    return f" ({'; '.join(told[:_REASONS])}{more})" if told else ""

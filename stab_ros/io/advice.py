@@ -18,7 +18,7 @@ _MUCH_FIXED = 0.005  # of the picture
 
 _TO_TRY: Mapping[LostReason, str] = MappingProxyType({
     LostReason.UNUSABLE: "images must be readable and of one size; `stab-ros recover` saves what is readable in a "
-                         "damaged bag",
+                         "damaged MCAP",
     LostReason.INTERNAL: "this is a bug of stab_ros, which the log describes; please report it",
     LostReason.UNANSWERED: "see whether the tracker was running, and what it logged",
     LostReason.STARTING: "the ground is chosen from the frames of the first start_s; set answer_start:=late to have "

@@ -12,6 +12,7 @@ from stab_ros.io.bag_types import BagReader, Message, Topic, definition_of, topi
 from stab_ros.io.bag_writer import BagWriter
 from stab_ros.io.image_names import image_files
 from stab_ros.io.mcap_extras import Extra
+from stab_ros.io.other_storage import ROS1_SUFFIXES
 from stab_ros.io.ros1_mcap import Ros2McapReader
 from stab_ros.io.rosbag2_folder import COMPRESSED, parts_of
 from stab_ros.io.rosbags_reader import RosbagsReader
@@ -45,7 +46,7 @@ def _reader_of(path: Path) -> Ros2McapReader | RosbagsReader | SplitReader:
     name = path.name.lower()
     if name.endswith((".mcap", ".mcap.partial")):  # the latter is left when writing was interrupted
         return Ros2McapReader([path])
-    if name.endswith((".bag", ".db3")):
+    if name.endswith((*ROS1_SUFFIXES, ".db3")):
         if path.stat().st_size == 0:
             raise InputError(f"{path}: is empty, the recording must be {KINDS}")
         return RosbagsReader(path)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import statistics
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.text import are, counted
 from stab_ros.core.types import Frame
 from stab_ros.imaging.camera import Camera
-from stab_ros.io.bag import BagReader, Extra, Message, Topic
+from stab_ros.io.bag import BagReader, Extra, Message
 from stab_ros.io.camera_message import read_camera
 from stab_ros.io.cdr import CAMERA_INFO, COMPRESSED_IMAGE
 from stab_ros.io.frame_reader import DEFAULT_FPS, MAX_FPS
@@ -47,7 +47,7 @@ class BagSource:
         self.clock = clock
         self._faults: list[str] = []  # of the header stamps
         self.topics = reader.topics
-        self.image_topic = _choose_topic(self.name, reader.topics, image_topic)
+        self.image_topic = _choose_topic(self.name, reader, image_topic)
         self.count: int | None = reader.topics[self.image_topic].count
         self._reader = reader
 
@@ -57,7 +57,8 @@ class BagSource:
 
     def items(self, limit: int | None = None, others: Collection[str] | None = None) -> Iterator[Picture | Message]:
         wanted = None if others is None else {self.image_topic, *others}
-        return readable(self.name, self.image_topic, self._in_time(self._reader.messages(wanted), others or (), limit))
+        items = self._in_time(self._reader.messages(wanted), others or (), limit)
+        return readable(self.name, self.image_topic, items, lambda: self._reader.warnings)
 
     def frames(self, limit: int | None = None) -> Iterator[Picture]:
         return only_pictures(self.items(limit, ()))
@@ -141,10 +142,11 @@ class BagSource:
                 "all are taken in the order of their header stamps"]
 
 
-def _choose_topic(name: str, topics: Mapping[str, Topic], wanted: str | None) -> str:
+def _choose_topic(name: str, reader: BagReader, wanted: str | None) -> str:
+    topics = reader.topics
     images = sorted(topic.name for topic in topics.values() if holds_images(topic))
     if not images:
-        raise no_images(name, topics)
+        raise no_images(name, topics, reader.warnings)
     if wanted is not None and wanted not in images:
         raise InputError(f"{name}: has no image topic {wanted}; its image topics are {', '.join(images)}")
     filled = [topic for topic in images if topics[topic].count > 0 and not topic.endswith(SINGLE_IMAGES)]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
 from rosbags.typesys.stores import ros2_jazzy as ros
 
 from stab_ros.core.errors import InputError, MessageError
-from stab_ros.core.text import one_line
+from stab_ros.core.text import one_line, reasons
 from stab_ros.core.types import Frame
 from stab_ros.io import cdr
 from stab_ros.io.bag_types import Topic
@@ -126,14 +126,18 @@ def _base_of(topic: Topic) -> str:
     return base
 
 
-def no_images(name: str, topics: Mapping[str, Topic]) -> InputError:
-    """The error for a recording without images: what it holds instead, and what would be right."""
+def no_images(name: str, topics: Mapping[str, Topic], warnings: Iterable[str] = ()) -> InputError:
+    """The error for a recording without images: what it holds instead, and what would be right.
+
+    warnings: of the reader, whose damage may be the reason.
+    """
     found = sorted(topics.values(), key=lambda topic: topic.name)
     shown = ", ".join(one_line(f"{topic.name} ({_kind(topic)})") for topic in found[:_LISTED])
     holds = f"only {shown}{' and others' * (len(found) > _LISTED)}" if found else "and no other topics"
     to_do = [f"; {TO_DO[topic.msgtype]}" for topic in found if topic.msgtype in TO_DO][:1]
     types = ", ".join((*IMAGE_TYPES, COMPRESSED_VIDEO, FFMPEG_PACKET))
-    return InputError(f"{name}: holds no images, {holds}; it must have a topic of one of {types}{''.join(to_do)}")
+    return InputError(f"{name}: holds no images{reasons(name, warnings)}, {holds}; it must have a topic of one of "
+                      f"{types}{''.join(to_do)}")
 
 
 def _kind(topic: Topic) -> str:

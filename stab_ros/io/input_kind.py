@@ -8,11 +8,12 @@ from pathlib import Path
 from stab_ros.core.errors import InputError
 from stab_ros.io.bag_metadata import is_rosbag2
 from stab_ros.io.image_names import IMAGE_SUFFIXES, image_files, unread_kinds
+from stab_ros.io.other_storage import ROS1_SUFFIXES
 from stab_ros.io.rosbag2_folder import PART_SUFFIXES
 from stab_ros.io.telemetry import KINDS
 from stab_ros.io.video import VIDEO_SUFFIXES
 
-_BAG_SUFFIXES = (*PART_SUFFIXES, ".mcap.partial", ".bag")
+_BAG_SUFFIXES = (*PART_SUFFIXES, ".mcap.partial", *ROS1_SUFFIXES)
 _KINDS = "an .mcap, a rosbag2 folder, a ROS 1 .bag, a video file or a folder of images"
 
 

@@ -14,13 +14,17 @@ QOS_KEY, TYPE_HASH_KEY = "offered_qos_profiles", "topic_type_hash"  # of a chann
 
 
 class Block(NamedTuple):
-    """A part of the file that holds messages: a chunk, or messages outside of chunks. Log times in ns."""
+    """A part of the file that holds messages: a chunk, or messages outside of chunks. Log times in ns.
+
+    whole: False: the file ends within the chunk.
+    """
 
     start_ns: int
     end_ns: int
     offset: int
     length: int
     channel_ids: frozenset[int]
+    whole: bool = True
 
 
 class McapContents:
@@ -46,15 +50,35 @@ class McapContents:
             self.schemas[record.id] = record
 
 
-def block_records(file: IO[bytes], offset: int, length: int) -> memoryview:
+class Records(NamedTuple):
+    """The records of a block. file_offset: where they begin in the file, None if they are compressed there."""
+
+    data: memoryview
+    file_offset: int | None
+
+
+def block_records(file: IO[bytes], block: Block) -> Records:
     """The records of a block, decompressed.
 
     Raises:
         DamagedError: as `read_exactly`, or the block is neither a chunk nor messages.
     """
-    data = memoryview(read_exactly(file, offset, length))
-    if length > RECORD_HEAD.size and data[0] == Opcode.MESSAGE:
-        return data
-    if length <= RECORD_HEAD.size or RECORD_HEAD.unpack_from(data) != (Opcode.CHUNK, length - RECORD_HEAD.size):
+    data = memoryview(read_exactly(file, block.offset, block.length))
+    if block.length > RECORD_HEAD.size and data[0] == Opcode.MESSAGE:
+        return Records(data, block.offset)
+    if not _is_chunk(data, block.whole):
         raise DamagedError("is not a chunk")
-    return unpacked(data[RECORD_HEAD.size :])
+    unpacked_data, start = unpacked(data[RECORD_HEAD.size :], block.whole)
+    return Records(unpacked_data, None if start is None else block.offset + RECORD_HEAD.size + start)
+
+
+def _is_chunk(data: memoryview, whole: bool) -> bool:
+    if len(data) <= RECORD_HEAD.size:
+        return False
+    opcode, length = RECORD_HEAD.unpack_from(data)
+    return bool(opcode == Opcode.CHUNK and (length == len(data) - RECORD_HEAD.size or not whole))
+
+
+def lost_part(offset: int, why: str) -> str:
+    """That a part of the file is lost, as a warning says it."""
+    return f"the part at byte {offset} {why}, its messages are lost"

@@ -9,12 +9,11 @@ from mcap.opcode import Opcode
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.text import counted
-from stab_ros.io.mcap_contents import Block, McapContents, block_records
+from stab_ros.io.mcap_contents import Block, McapContents, block_records, lost_part
 from stab_ros.io.mcap_extras import Extra, read_extra
 from stab_ros.io.mcap_index import read_index
 from stab_ros.io.mcap_records import (
     MAGIC,
-    PLAIN_START,
     DamagedError,
     MessageOffsets,
     RecordedMessage,
@@ -24,6 +23,7 @@ from stab_ros.io.mcap_records import (
     split,
 )
 from stab_ros.io.mcap_scan import scan
+from stab_ros.io.other_storage import remedy_for, storage_of
 
 _LARGE = 2**24  # bytes of a block that is not kept in memory beside its messages
 
@@ -67,6 +67,10 @@ class McapFile:
             magic = read_exactly(self._file, 0, len(MAGIC))
         except DamagedError as damage:
             raise InputError(f"{self.path}: {damage}, it must be an MCAP file") from damage
+        storage = storage_of(self.path)
+        if storage is not None:
+            raise InputError(f"{self.path}: is {storage.name}, not an MCAP file; if it {storage.damage}, "
+                             f"{remedy_for(self.path, storage)}")
         if magic != MAGIC:
             raise InputError(f"{self.path}: is not an MCAP file, it must begin with the bytes 89 4D 43 41 50 30 0D 0A")
 
@@ -76,7 +80,7 @@ class McapFile:
         except DamagedError as damage:
             self._warn(f"the index {damage}, the whole file was scanned instead")
             indexed = None
-        return indexed or scan(self._file, self._size, self._lost)
+        return indexed or scan(self._file, self._size, self._warn)
 
     def extras(self) -> Iterator[Extra]:
         """The attachments and metadata; damaged ones are left out, with a warning."""
@@ -90,8 +94,8 @@ class McapFile:
         """The messages of a block by log time; of a damaged one none, with a warning."""
         offsets = MessageOffsets()
         try:
-            data = block_records(self._file, block.offset, block.length)
-            for opcode, start, end in split(data):
+            data, in_file = block_records(self._file, block)
+            for opcode, start, end in split(data, block.whole):
                 if opcode == Opcode.MESSAGE:
                     offsets.add(data, start, end)
         except DamagedError as damage:
@@ -102,10 +106,9 @@ class McapFile:
             self._warn(f"the part at byte {block.offset} holds {counted(early, 'message')} from before the time "
                        "that the index gives, they are left out")
         starts = offsets.by_time()[early:]
-        if block.length > _LARGE and len(data) + PLAIN_START >= block.length:  # it is not compressed
-            base = block.offset + (0 if len(data) == block.length else PLAIN_START)
+        if block.length > _LARGE and in_file is not None:
             del data
-            yield from self._read_again(block, [base + int(start) for start in starts])
+            yield from self._read_again(block, [in_file + int(start) for start in starts])
         else:
             yield from (message_at(data, int(start)) for start in starts)
 
@@ -118,7 +121,7 @@ class McapFile:
             self._lost(block.offset, str(damage))
 
     def _lost(self, offset: int, why: str) -> None:
-        self._warn(f"the part at byte {offset} {why}, its messages are lost")
+        self._warn(lost_part(offset, why))
 
     def _warn(self, what: str) -> None:
         self._warned[f"{self.path}: {what}"] = None

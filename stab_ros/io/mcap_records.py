@@ -28,7 +28,6 @@ _MOST_MESSAGES = 2**20  # in a block: a thousand times what a second holds
 WINDOW_LIMIT = 2**25  # bytes of history that zstd may refer to; its level 19 asks for 2**23
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _CHUNK_HEAD = struct.Struct("<QQQII")  # first and last log time, unpacked size, CRC, length of the compression's name
-PLAIN_START = RECORD_HEAD.size + _CHUNK_HEAD.size + 8  # of the records in a chunk that is not compressed
 _CLASSES: dict[int, type[Record]] = {
     Opcode.SCHEMA: Schema,
     Opcode.CHANNEL: Channel,
@@ -82,8 +81,20 @@ def parse(opcode: int, body: bytes | memoryview) -> Record | None:
         raise DamagedError(f"is damaged ({error})") from error
 
 
-def split(data: memoryview) -> Iterator[tuple[int, int, int]]:
-    """Opcode, start and end of the body of every record in `data`."""
+def split(data: memoryview, whole: bool = True) -> Iterator[tuple[int, int, int]]:
+    """Opcode, start and end of the body of every record in `data`.
+
+    Raises:
+        DamagedError: one is not whole. With `whole` False it is where the records end.
+    """
+    try:
+        yield from _split(data)
+    except DamagedError:
+        if whole:
+            raise
+
+
+def _split(data: memoryview) -> Iterator[tuple[int, int, int]]:
     at = 0
     while at < len(data):
         if at + RECORD_HEAD.size > len(data):
@@ -155,25 +166,37 @@ def message_in(file: IO[bytes], offset: int) -> RecordedMessage:
     return RecordedMessage(log_time, publish_time, channel_id, data)
 
 
-def unpacked(chunk: memoryview) -> memoryview:
-    """The records in the body of a chunk record, decompressed and checked against their size and CRC (0: none)."""
+def unpacked(chunk: memoryview, whole: bool = True) -> tuple[memoryview, int | None]:
+    """The records in the body of a chunk record, and where in it they begin, None if they are compressed there.
+
+    They are checked against their size and CRC (0: none). whole: False: the chunk may be cut off; then they are as many
+    as come out, unchecked.
+
+    Raises:
+        DamagedError: they cannot be decompressed, or are others.
+    """
     try:
         _, _, size, crc, name_length = _CHUNK_HEAD.unpack_from(chunk)
         start = _CHUNK_HEAD.size + name_length + 8
         compression = bytes(chunk[_CHUNK_HEAD.size : start - 8]).decode()
         (packed_size,) = struct.unpack_from("<Q", chunk, start - 8)
-        data = _decompressed(chunk[start : start + packed_size], compression, size)
+        packed = chunk[start : start + packed_size]
+        whole = whole or len(packed) == packed_size
+        data = _decompressed(packed, compression, size, whole)
     except _DAMAGE as error:
         raise DamagedError(f"cannot be decompressed ({error})") from error
+    plain_start = None if compression else start
+    if not whole:
+        return data[:size], plain_start
     if len(data) != size:
         raise DamagedError(f"does not hold the {size} bytes it claims")
     if crc and zlib.crc32(data) != crc:
         raise DamagedError("has a wrong CRC")
-    return data
+    return data, plain_start
 
 
-def _decompressed(packed: memoryview, compression: str, size: int) -> memoryview:
-    """At most slightly more than `size` bytes, whatever a decompression bomb claims."""
+def _decompressed(packed: memoryview, compression: str, size: int, whole: bool) -> memoryview:
+    """At most slightly more than `size` bytes, whatever a decompression bomb claims; whole: or what comes of a part."""
     if size > RECORD_LIMIT:
         raise DamagedError(f"claims {size} bytes")
     match compression:
@@ -181,7 +204,7 @@ def _decompressed(packed: memoryview, compression: str, size: int) -> memoryview
             return packed
         case "lz4":
             return memoryview(_lz4_decompressed(packed, size))
-        case "zstd" if zstandard.frame_content_size(packed) == size:  # at once, which needs no window
+        case "zstd" if whole and zstandard.frame_content_size(packed) == size:  # at once, which needs no window
             return memoryview(zstandard.ZstdDecompressor().decompress(packed))
         case "zstd":
             unpacker = zstandard.ZstdDecompressor(max_window_size=WINDOW_LIMIT)

@@ -8,7 +8,8 @@ from typing import IO
 
 from mcap.opcode import Opcode
 
-from stab_ros.io.mcap_contents import Block, McapContents, block_records
+from stab_ros.core.text import are, counted
+from stab_ros.io.mcap_contents import Block, McapContents, block_records, lost_part
 from stab_ros.io.mcap_records import (
     MAGIC,
     NO_OPCODE,
@@ -23,14 +24,14 @@ from stab_ros.io.mcap_records import (
 _RUN_LIMIT = 2**22  # bytes of messages outside of chunks that are read at a time
 
 
-def scan(file: IO[bytes], size: int, lost: Callable[[int, str], None]) -> McapContents:
-    """The contents of a file of `size` bytes. lost: is called with offset and reason for each damaged part."""
-    return _Scan(file, size, lost).run()
+def scan(file: IO[bytes], size: int, warn: Callable[[str], None]) -> McapContents:
+    """The contents of a file of `size` bytes. warn: is told of each damaged part."""
+    return _Scan(file, size, warn).run()
 
 
 class _Scan:
-    def __init__(self, file: IO[bytes], size: int, lost: Callable[[int, str], None]) -> None:
-        self._file, self._size, self._lost = file, size, lost
+    def __init__(self, file: IO[bytes], size: int, warn: Callable[[str], None]) -> None:
+        self._file, self._size, self._warn = file, size, warn
         self._contents = McapContents()
 
     def run(self) -> McapContents:
@@ -39,7 +40,7 @@ class _Scan:
         while at < self._size:
             opcode, end = self._head(at)
             if end > self._size or opcode == NO_OPCODE:  # a file system that crashed may leave zeros
-                self._lost(at, "ends within a record")
+                self._add_rest(opcode, at)
                 break
             if run and (opcode != Opcode.MESSAGE or end - run[0] > _RUN_LIMIT):
                 self._add_block(*run)
@@ -78,17 +79,37 @@ class _Scan:
             self._lost(at, str(damage))
 
     def _add_block(self, at: int, end: int) -> None:
-        offsets, counts = MessageOffsets(), Counter[int]()
         try:
-            data = block_records(self._file, at, end - at)
-            for opcode, start, stop in split(data):
-                if opcode == Opcode.MESSAGE:
-                    counts[offsets.add(data, start, stop)] += 1
-                else:
-                    self._contents.add_definition(parse(opcode, data[start:stop]))
+            self._read_block(at, end)
         except DamagedError as damage:
             self._lost(at, str(damage))
-            return
+
+    def _read_block(self, at: int, end: int, whole: bool = True) -> int:
+        """How many messages it holds. whole: False: the file ends within it."""
+        offsets, counts = MessageOffsets(), Counter[int]()
+        data, _ = block_records(self._file, Block(0, 0, at, end - at, frozenset(), whole))
+        for opcode, start, stop in split(data, whole):
+            if opcode == Opcode.MESSAGE:
+                counts[offsets.add(data, start, stop)] += 1
+            else:
+                self._contents.add_definition(parse(opcode, data[start:stop]))
         if counts:
             self._contents.counts.update(counts)
-            self._contents.blocks.append(Block(*offsets.span_ns, at, end - at, frozenset(counts)))
+            self._contents.blocks.append(Block(*offsets.span_ns, at, end - at, frozenset(counts), whole))
+        return len(offsets)
+
+    def _add_rest(self, opcode: int, at: int) -> None:
+        """What there is of the record within which the file ends."""
+        try:
+            read = self._read_block(at, self._size, whole=False) if opcode == Opcode.CHUNK else 0
+        except DamagedError as damage:
+            self._lost(at, f"is cut off and {damage}")
+            return
+        if not read:
+            self._lost(at, "ends within a record")
+            return
+        self._warn(f"the part at byte {at} is cut off, its first {counted(read, 'message')} {are(read)} read without "
+                   "the check of a CRC, what follows is lost")
+
+    def _lost(self, at: int, why: str) -> None:
+        self._warn(lost_part(at, why))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 from stab_ros.core.errors import InputError, MessageError
+from stab_ros.core.text import reasons
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import Message
 from stab_ros.io.frame_reader import Decoded
@@ -67,8 +68,11 @@ def limited(items: Iterable[Picture | Message], limit: int | None) -> Iterator[P
         yield item
 
 
-def readable(name: str, topic: str, items: Iterable[Picture | Message]) -> Iterator[Picture | Message]:
+def readable(name: str, topic: str, items: Iterable[Picture | Message],
+             warnings: Callable[[], Iterable[str]] = list) -> Iterator[Picture | Message]:
     """The items of input `name`.
+
+    warnings: gives what its reader warns of, once it has read all.
 
     Raises:
         InputError: at the end, if no image of `topic` could be decoded.
@@ -80,7 +84,8 @@ def readable(name: str, topic: str, items: Iterable[Picture | Message]) -> Itera
             problem = problem if isinstance(item.decoded, Frame) else str(item.decoded)
         yield item
     if not found:
-        raise InputError(f"{name}: not one image of {topic} can be decoded ({problem}); it must hold at least one")
+        raise InputError(f"{name}: not one image of {topic} can be decoded ({problem}); it must hold at least one"
+                         f"{reasons(name, warnings())}")
 
 
 def only_pictures(items: Iterable[Picture | Message]) -> Iterator[Picture]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -20,12 +21,14 @@ from stab_ros.io.bag_types import Message, Topic, topic_of
 from stab_ros.io.cdr import typestore
 from stab_ros.io.compression import UNPACKING_ERRORS, plain_message
 from stab_ros.io.mcap_extras import Extra
+from stab_ros.io.other_storage import ROS1_SUFFIXES, SQLITE3, remedy_for, storage_of
 from stab_ros.io.ros1 import CONVERSION_ERRORS, Conversion, ros1_topic
 from stab_ros.io.rosbags_bounds import BoundedReader1, BoundedReader2
 
 # what rosbags lets through on damaged files besides its own errors
 _DAMAGE = (
     *CONVERSION_ERRORS, *UNPACKING_ERRORS, Reader1Error, Reader2Error, YAMLError, apsw.Error, OSError)
+_UNSUPPORTED = "not supported"  # what rosbags says of bags that are encrypted, or of another version
 _SCHEMA_ENCODINGS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL: "ros2idl"}
 
 
@@ -42,10 +45,10 @@ class RosbagsReader:
         self.topics: dict[str, Topic] = {}
         self._conversions: dict[int, tuple[str, Conversion]] = {}  # by connection id: topic and conversion to CDR
         try:
-            self._reader = BoundedReader1(path) if path.suffix.lower() == ".bag" else BoundedReader2(path)
+            self._reader = BoundedReader1(path) if path.name.lower().endswith(ROS1_SUFFIXES) else BoundedReader2(path)
             self._reader.open()
         except _DAMAGE as error:
-            raise InputError(f"{path}: cannot be read ({_reason(error)}), it must be a whole recording") from error
+            raise InputError(f"{path}: cannot be read ({_reason(error)}), {_to_do(path, error)}") from error
         self._check_journal()
         filled = self._reader.message_count > 0
         self.start_ns = self._reader.start_time if filled else 0
@@ -76,7 +79,8 @@ class RosbagsReader:
             for connection, time_ns, data in self._reader.messages(wanted):
                 yield from self._converted(connection.id, time_ns, data)
         except _DAMAGE as error:
-            self._warn(f"is damaged after {time_ns} ns ({_reason(error)}), what follows is lost")
+            to_do = f"; {remedy_for(self.path, SQLITE3)}" if storage_of(self.path) is SQLITE3 else ""
+            self._warn(f"is damaged after {time_ns} ns ({_reason(error)}), what follows is lost{to_do}")
 
     def extras(self) -> Iterator[Extra]:
         """None: these formats have no such thing."""
@@ -125,4 +129,13 @@ def _converted_topic(connection: Connection) -> tuple[Topic, Conversion]:
 
 
 def _reason(error: BaseException) -> str:
-    return one_line(error) or type(error).__name__
+    """The text of an error; rosbags puts the arguments of one, a tuple, into that of another."""
+    return re.sub(r"\('(.*)',\)", r"\1", one_line(error)) or type(error).__name__
+
+
+def _to_do(path: Path, error: BaseException) -> str:
+    """What to do about a file that cannot be opened."""
+    storage = storage_of(path)
+    if storage is None or _UNSUPPORTED in str(error):
+        return "it must be a whole recording"
+    return f"it {storage.damage}; {remedy_for(path, storage)}"

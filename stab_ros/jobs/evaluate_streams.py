@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from stab_ros.core.errors import InputError
-from stab_ros.io.bag import Topic, open_bag
+from stab_ros.io.bag import BagReader, Topic, open_bag
 from stab_ros.io.cdr import CAMERA_INFO, IMAGE
 from stab_ros.io.image_message import IMAGE_TYPES
 from stab_ros.io.source import (
@@ -62,7 +62,7 @@ def open_streams(path: Path, image_topics: Sequence[str], fps: float | None,
             yield [ImageStream(stack.enter_context(open_source(path, topic, fps, clock)))]
             return
         reader = stack.enter_context(open_bag(path))
-        names = choose_topics(str(path), reader.topics, image_topics)
+        names = choose_topics(str(path), reader, image_topics)
         yield [_stream(BagSource(path, reader, name, clock)) for name in names]
 
 
@@ -80,12 +80,13 @@ def _stream(source: BagSource) -> ImageStream:
     return ImageStream(source, homography.name if homography and known else None, next(iter(references), None), stamps)
 
 
-def choose_topics(name: str, topics: Mapping[str, Topic], wanted: Sequence[str]) -> Sequence[str]:
+def choose_topics(name: str, reader: BagReader, wanted: Sequence[str]) -> Sequence[str]:
     """The image topics of a bag to evaluate, the raw one first.
 
     Raises:
         InputError: there is none, the wanted one is missing, or the choice is ambiguous.
     """
+    topics = reader.topics
     images = sorted(topic.name for topic in topics.values() if holds_images(topic))
     unknown = [topic for topic in wanted if topic not in images]
     if unknown:
@@ -95,7 +96,7 @@ def choose_topics(name: str, topics: Mapping[str, Topic], wanted: Sequence[str])
     filled = [topic for topic in images if topics[topic].count and not topic.endswith(SINGLE_IMAGES)]
     if len(filled) <= 1:
         if not images:
-            raise no_images(name, topics)
+            raise no_images(name, topics, reader.warnings)
         return filled or images[:1]
     pair = _raw_and_stabilized([topics[topic] for topic in filled])
     if pair is None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stab_ros.core.errors import InputError
+from stab_ros.core.text import reasons
 from stab_ros.io.bag_writer import BagWriter
 from stab_ros.io.mcap_reader import McapReader
 
@@ -39,6 +40,6 @@ def recover(broken: Path, fixed: Path, overwrite: bool = False) -> Recovered:
             writer.write(*message)
             count += 1
         if count == 0 and not extras:
-            why = "; ".join(line.removeprefix(f"{broken}: ") for line in reader.warnings) or "it is whole but empty"
-            raise InputError(f"{broken}: nothing to recover, it must hold at least one readable message ({why})")
+            why = reasons(str(broken), reader.warnings) or " (it is whole but empty)"
+            raise InputError(f"{broken}: nothing to recover, it must hold at least one readable message{why}")
         return Recovered(count, len(reader.topics), tuple(reader.warnings))

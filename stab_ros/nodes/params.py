@@ -174,7 +174,10 @@ class ParameterUpdates:
         self._node.remove_on_set_parameters_callback(self._apply)
 
     def _as_declared(self, changed: list[RosParameter]) -> list[RosParameter]:
-        """Integers that were given for floats, as by `ros2 param set ... 1`, as floats, and lists for text as text."""
+        """Changes in the types of their parameters.
+
+        As integers that were given for floats, lists for text, and the bool that `ros2 param set ... off` sends.
+        """
         return [self._of_its_type(one) for one in changed]
 
     def _of_its_type(self, one: RosParameter) -> RosParameter:
@@ -182,8 +185,9 @@ class ParameterUpdates:
         if declared is None:
             return one
         try:
-            return RosParameter(one.name, value=checked(one.name, one.value, declared.default, Range("")))
-        except ConfigError:  # rclpy says what its type must be
+            return RosParameter(one.name, value=checked(one.name, one.value, declared.default,
+                                                         Range("", choices=declared.limits.choices)))
+        except ConfigError:  # rclpy says what its type must be, or `_apply` what it may be
             return one
 
     def _apply(self, changed: list[RosParameter]) -> SetParametersResult:

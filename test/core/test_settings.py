@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stab_ros.core.errors import ConfigError, InputError
-from stab_ros.core.settings import Checked, setting
+from stab_ros.core.settings import Checked, Range, checked, setting
 from stab_ros.imaging.camera import Camera
 from stab_ros.methods import METHODS
 from stab_ros.parameters.discharge import running_config
@@ -85,8 +85,30 @@ def test_choices_are_named(parameter: Parameter) -> None:
         assert checked_values({parameter.name: choice}) == {parameter.name: choice}
     with pytest.raises(ConfigError, match=f"'wrong' is unknown, .*{', '.join(parameter.limits.choices)}"):
         checked_values({parameter.name: "wrong"})
-    with pytest.raises(ConfigError, match="3 is a int, it must be a str"):
-        checked_values({parameter.name: 3})
+    for wrong in (3, [parameter.limits.choices[0]]):
+        with pytest.raises(ConfigError, match=f"it must be one of {', '.join(parameter.limits.choices)}"):
+            checked_values({parameter.name: wrong})
+
+
+@pytest.mark.parametrize("parameter", CHOICES, ids=name_of)
+def test_choices_are_what_yaml_makes_of_their_plain_words(parameter: Parameter) -> None:
+    for choice in parameter.limits.choices:
+        assert checked_values({parameter.name: yaml.safe_load(choice)}) == {parameter.name: choice}
+
+
+@pytest.mark.parametrize(("word", "choices", "taken"), [
+    ("off", ("auto", "off"), "off"), ("no", ("auto", "no"), "no"), ("yes", ("yes", "off"), "yes"),
+    ("on", ("on", "off"), "on"), ("false", ("true", "false"), "false"),
+    ("on", ("auto", "off"), None), ("off", ("auto", "Off!"), None), ("off", ("off", "no"), None), ("off", (), None),
+])
+def test_a_bool_is_the_one_choice_that_yaml_reads_so(word: str, choices: tuple[str, ...], taken: str | None) -> None:
+    limits = Range("", choices=choices)
+    if taken is not None:
+        assert checked("name", yaml.safe_load(word), choices[0], limits) == taken
+        return
+    must = f"one of {', '.join(choices)}" if choices else "a str"
+    with pytest.raises(ConfigError, match=f"name: (True|False) is a bool, it must be {must}$"):
+        checked("name", yaml.safe_load(word), "text", limits)
 
 
 def test_a_whole_number_serves_as_a_float_but_no_float_as_an_int() -> None:

@@ -4,16 +4,33 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import shutil
 import sqlite3
+import subprocess
 from collections.abc import Iterator
 from contextlib import closing
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import zstandard
-from bag_makers import FLIGHT, JAZZY, METADATA, NOETIC, START_NS, STRING, Read, by_mcap, read, ros1_messages
+from bag_makers import (
+    FLIGHT,
+    JAZZY,
+    METADATA,
+    NOETIC,
+    START_NS,
+    STRING,
+    Read,
+    by_mcap,
+    flight,
+    read,
+    ros1_messages,
+    without_publish_time,
+)
 from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, Schema
@@ -24,7 +41,11 @@ from rosbags.rosbag2 import Writer as Writer2
 
 from stab_ros.core.errors import InputError
 from stab_ros.io.bag import Message
+from stab_ros.io.cdr import IMAGE, Header
+from stab_ros.io.image_message import image_cdr
 from stab_ros.io.mcap_records import MAGIC
+from stab_ros.io.source import Kind, kind_of, open_source
+from stab_ros.jobs.recover import recover
 
 
 # damage ---------------------------------------------------------------------------------------------------------------
@@ -101,6 +122,53 @@ def test_cut_off_anywhere(tmp_path: Path, compression: CompressionType) -> None:
     assert ends[-1] == len(FLIGHT)
 
 
+LONG = flight(150)  # of 0.75 MB, some blocks of any compression
+
+
+@pytest.mark.parametrize("compression", COMPRESSIONS)
+def test_cut_off_within_its_only_chunk(tmp_path: Path, compression: CompressionType) -> None:
+    path = by_mcap(tmp_path / "whole.mcap", LONG, compression=compression, chunk_size=2**22)
+    content = path.read_bytes()
+    block = 0 if compression is CompressionType.NONE else 2**17  # noise does not shrink
+    for length in (len(content) * 6 // 10, len(content) * 9 // 10):
+        path.write_bytes(content[:length])
+        ends = [content.find(message.data) + len(message.data) for message in LONG] if block == 0 else list(
+            accumulate(len(message.data) + 31 for message in LONG))
+        before = sum(0 < end <= length - block for end in ends)
+        found = read(path)
+        assert before > 10
+        assert len(found.messages) == before if block == 0 else before - 5 < len(found.messages) < len(LONG)
+        assert found.messages == LONG[: len(found.messages)]
+        assert f"the recording was cut off at byte {length}" in found.warnings[0]
+        assert f"is cut off, its first {len(found.messages)} messages are read" in found.warnings[1]
+        recover(path, tmp_path / "fixed.mcap", overwrite=True)
+        assert read(tmp_path / "fixed.mcap")[:2] == (found.messages, [])
+
+
+@pytest.mark.parametrize(("length", "said"), [
+    (100, "holds no images"), (3000, "not one image of /cam/image_raw can be decoded")])
+def test_cut_off_before_the_first_image(tmp_path: Path, length: int, said: str) -> None:
+    path = by_mcap(tmp_path / "whole.mcap", compression=CompressionType.NONE)
+    path.write_bytes(path.read_bytes()[:length])
+    with pytest.raises(InputError) as caught, open_source(path) as source:
+        list(source.items())
+    message = str(caught.value)
+    assert message.startswith(f"{path}: {said}")
+    assert f"the recording was cut off at byte {length}" in message
+    assert len(message.splitlines()) == 1
+
+
+def test_a_large_chunk_that_is_compressed(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    sent = [Message("/cam/image_raw", START_NS + number, START_NS + number, image_cdr(
+        rng.integers(0, 16, (3000, 4000), np.uint8), "mono8", Header(START_NS, "cam"))) for number in range(4)]
+    path = by_mcap(tmp_path / "large.mcap", sent, chunk_size=2**26, compression=CompressionType.ZSTD)
+    assert 2**24 < path.stat().st_size < 2**25
+    assert read(path)[:2] == (sent, [])
+    path.write_bytes(path.read_bytes()[: 2**24 + 2**20])
+    assert read(path).messages == sent[:2]
+
+
 def largest_chunk(path: Path) -> int:
     """Messages in it."""
     with path.open("rb") as file:
@@ -169,6 +237,72 @@ def test_damaged_sqlite3_and_ros1(tmp_path: Path, suffix: str) -> None:
         found = outcome(path)
         assert len(found.splitlines()) == 1 if isinstance(found, str) else all(
             len(line.splitlines()) == 1 for line in found.warnings)
+
+
+def ros1_bag(path: Path, count: int = 300) -> Path:
+    with Writer1(path) as writer:
+        for topic, msgtype, message in ros1_messages():
+            connection = writer.add_connection(topic, msgtype, typestore=NOETIC)
+            for number in range(count):
+                writer.write(connection, START_NS + number, NOETIC.serialize_ros1(message, msgtype))
+    return path
+
+
+def sqlite3_bag(folder: Path) -> Path:
+    with Writer2(folder, version=9) as writer:
+        connection = writer.add_connection("/cam/image_raw", IMAGE, typestore=JAZZY)
+        for message in LONG[::2]:
+            writer.write(connection, message.log_time_ns, message.data)
+    return folder / f"{folder.name}.db3"
+
+
+@pytest.mark.parametrize("name", ["a b.bag", "a b.bag.active"])
+def test_a_ros1_bag_that_was_not_closed(tmp_path: Path, name: str) -> None:
+    path = ros1_bag(tmp_path / name)
+    content = path.read_bytes()
+    assert kind_of(path) is Kind.BAG
+    assert len(read(path).messages) == 900
+    unindexed = re.sub(rb"index_pos=.{8}", b"index_pos=" + bytes(8), content, count=1, flags=re.DOTALL)
+    assert unindexed != content
+    for left in (content[: len(content) // 2], content[:-200], unindexed):
+        path.write_bytes(left)
+        line = refusal(path)
+        assert line.startswith(f"{path}: cannot be read (Bag ")
+        assert "it is cut off or was not closed; `rosbag reindex 'a b.bag" in line
+        assert "('" not in line
+        assert len(line.splitlines()) == 1
+        with pytest.raises(InputError, match=r"is a ROS 1 bag, not an MCAP file; if it is cut off .* `rosbag "):
+            recover(path, tmp_path / "fixed.mcap")
+
+
+def test_a_damaged_sqlite3_file(tmp_path: Path) -> None:
+    path = sqlite3_bag(tmp_path / "bag")
+    content = path.read_bytes()
+    assert read(path).messages == without_publish_time(LONG[::2])
+    for length in (len(content) // 10, len(content) // 2, len(content) // 2 // 4096 * 4096):
+        path.write_bytes(content[:length])
+        line = refusal(path)
+        assert line.startswith(f"{path}: cannot be read (")
+        assert 'it is damaged or cut off; `sqlite3 bag.db3 ".recover" | sqlite3 whole.db3` saves' in line
+        assert len(line.splitlines()) == 1
+        with pytest.raises(InputError, match="is a recording in sqlite3, not an MCAP file; if it is damaged"):
+            recover(path, tmp_path / "fixed.mcap")
+    path.write_bytes(content[:-100])
+    (warning,) = read(path).warnings
+    assert "what follows is lost; `sqlite3 bag.db3" in warning
+
+
+@pytest.mark.skipif(shutil.which("sqlite3") is None, reason="needs the program sqlite3")
+def test_the_other_way_of_the_docs_saves_what_lies_before_the_damage(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "inputs.md").read_text(encoding="utf-8")
+    (line,) = re.findall(r"^    (sqlite3 DAMAGED.*)$", page, re.MULTILINE)
+    path = sqlite3_bag(tmp_path / "bag")
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 6 // 10])
+    subprocess.run(["/bin/sh", "-c", line.replace("DAMAGED.db3", "bag/bag.db3")], cwd=tmp_path, check=True,
+                   capture_output=True)
+    found = read(tmp_path / "whole.db3").messages
+    assert len(found) > len(LONG) // 2 * 5 // 10
+    assert found[:-1] == without_publish_time(LONG[::2])[: len(found) - 1]
 
 
 def test_messages_in_the_journal_of_a_killed_recorder_are_told(tmp_path: Path) -> None:

@@ -1,4 +1,7 @@
-"""Lists of lists as parameters: every form that README shows, taken from it, for commands, nodes and launch files."""
+"""Lists of lists, and words that YAML takes for a bool, as parameters: for commands, nodes and launch files.
+
+Of lists, every form that README shows, taken from it.
+"""
 
 from __future__ import annotations
 
@@ -52,8 +55,8 @@ def taken(graph: Graph, *arguments: str, name: str = "tracker_node") -> bool:
     return bool((read_area({"exclude": known}).allowed(SIZE) == EXPECTED).all())
 
 
-def text_of(graph: Graph, name: str = "tracker_node") -> str:
-    request = GetParameters.Request(names=["exclude"])
+def text_of(graph: Graph, name: str = "tracker_node", parameter: str = "exclude") -> str:
+    request = GetParameters.Request(names=[parameter])
     return str(graph.call(GetParameters, f"/{name}/get_parameters", request).values[0].string_value)
 
 
@@ -145,3 +148,48 @@ def test_every_parameter_that_is_a_list_takes_one(
     assert process.process.poll() is None, process.log
     shown = graph.call(GetParameters, f"/{node}/get_parameters", GetParameters.Request(names=[name])).values[0]
     assert json.loads(shown.string_value) == value
+
+
+OFF = "/**:\n  ros__parameters:\n    rolling_shutter: off\n"
+
+
+def words_that_say_off(folder: Path) -> dict[str, list[str]]:
+    """By form: as `-p`, in a file, in a file that a launch file is given, and as ROS's launch passes its own on."""
+    config = folder / "my.yaml"
+    config.write_text(OFF)
+    (node,) = started(ROOT / "launch" / "tracker.launch.py", config=str(config))
+    return {"word": ["--ros-args", "-p", "rolling_shutter:=off"],
+            "file": ["--ros-args", "--params-file", str(config)], "launch file": node.ros_arguments,
+            "launch": ["--ros-args", "-p", "rolling_shutter:=false"]}
+
+
+@pytest.mark.parametrize("form", ["word", "launch file", *(pytest.param(name, marks=pytest.mark.thorough)
+                                                          for name in ("file", "launch"))])
+def test_a_plain_off_for_a_node(form: str, graph: Graph, tmp_path: Path) -> None:
+    tracker = graph.run("tracker_node", words_that_say_off(tmp_path)[form])
+    graph.until(lambda: "ready" in tracker.log or tracker.process.poll() is not None, "the tracker ready")
+    assert tracker.process.poll() is None, tracker.log
+    name = "camera/tracker_node" if form == "launch file" else "tracker_node"
+    assert text_of(graph, name, "rolling_shutter") == "off"
+    if form == "word":
+        assert set_off(graph)
+    assert tracker.stop() == 0
+
+
+def set_off(graph: Graph) -> bool:
+    """Whether it is taken at run time, as `ros2 param set /tracker_node rolling_shutter off` sends it."""
+    assert graph.set_parameter("tracker_node", "rolling_shutter", "auto")[0]
+    taken, _ = graph.set_parameter("tracker_node", "rolling_shutter", False)
+    return taken and text_of(graph, parameter="rolling_shutter") == "off"
+
+
+def test_a_plain_off_for_a_command(recordings: dict[str, Path], command: Command, tmp_path: Path) -> None:
+    config = tmp_path / "my.yaml"
+    config.write_text(OFF)
+    for given in (["-p", "rolling_shutter:=off"], ["--config", str(config)]):
+        done = command("stabilize", recordings["mcap"], tmp_path / "out.mcap", "--force", "--no-image", "--limit", 3,
+                       *given)
+        assert done.returncode == 0, done.stderr
+    wrong = command("stabilize", recordings["mcap"], tmp_path / "out.mcap", "--force", "-p", "rolling_shutter:=on")
+    assert wrong.returncode == 2
+    assert "rolling_shutter: True is a bool, it must be one of auto, off" in wrong.stderr

@@ -95,3 +95,20 @@ def test_refused_change_leaves_the_old_value(make_node: MakeNode) -> None:
     assert node.set_parameters_atomically([RosParameter("threshold", value=2), RosParameter("model", value="affine")])
     assert taken == [{"threshold": 2.0, "model": "affine"}]
     assert node.get_parameter("threshold").value == 2.0
+
+
+def test_a_bool_is_taken_for_the_word_that_yaml_reads_so(make_node: MakeNode) -> None:
+    node = make_node(rolling_shutter=False)
+    assert params.declare(node, PARAMETERS, changeable=PARAMETERS)["rolling_shutter"] == "off"
+    assert node.get_parameter("rolling_shutter").value == "off"
+    taken: list[dict[str, Any]] = []
+    params.ParameterUpdates(node, PARAMETERS, taken.append)
+    assert node.set_parameters_atomically([RosParameter("rolling_shutter", value="auto")]).successful
+    assert node.set_parameters_atomically([RosParameter("rolling_shutter", value=False)]).successful
+    assert [values["rolling_shutter"] for values in taken] == ["auto", "off"]
+    for name, wrong in (("rolling_shutter", True), ("model", False), ("threshold", False)):
+        before = node.get_parameter(name).value
+        (refused,) = node.set_parameters([RosParameter(name, value=wrong)])
+        assert not refused.successful
+        assert node.get_parameter(name).value == before
+    assert len(taken) == 2
