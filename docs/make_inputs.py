@@ -184,8 +184,10 @@ ms, us or ns since 1970.
 ## Times of a recording
 
 The stamp of an image is that of its header. Images that were logged up to eight places late are put in the order of \
-their stamps.
-Where header stamps contradict the log by a factor of three or more, are mostly zero, or jump, `stabilize`, \
+their stamps, and it is said.
+Where the camera's clock was set back they stay in the order of the log: their stamps fall among those before, and all \
+later ones stay behind.
+Where header stamps contradict the log by a factor of three or more, are zero, go back or jump ahead, `stabilize`, \
 `evaluate`, `compare` and `info` warn;
 `--time log` then takes the log time for the stamp, in `H.csv` and in the messages that are written for the image. \
 Other topics stay as they are.

@@ -138,7 +138,7 @@ class BagSource:
         if not late:
             return told
         return [*told, f"{self.name}: {counted(late, 'image')} of {self.image_topic} {are(late)} logged out of order, "
-                "all are taken in the order of their header stamps"]
+                "all are taken in the order of their header stamps, give --time log to go by the log"]
 
 
 def _choose_topic(name: str, topics: Mapping[str, Topic], wanted: str | None) -> str:
