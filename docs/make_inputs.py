@@ -54,7 +54,9 @@ that is free there.
 
 Coded video ({codecs}) is decoded from the first key frame on. Frames before it, and after a packet that is damaged \
 or missing until the
-next key frame, are LOST. Each message is one frame, with its own stamp. With a PyAV older than 16, a missing packet \
+next key frame, are LOST. Each message is one frame, with its own stamp; stamps that go on steadily although \
+B-frames reorder the pictures, and log times, are
+given to frames in the order in which they are shown. With a PyAV older than 16, a missing packet \
 of H.265 goes unnoticed.
 Packets of VP9 have no numbers, so a missing one shows as smear until the next key frame. A packet that was cut short \
 is noticed in H.264; the
