@@ -136,13 +136,14 @@ def _stay_behind(late_ns: int, before_ns: Sequence[int], ahead_ns: Sequence[int]
 
 
 def _fill_gaps(known_ns: Sequence[int], ahead_ns: Sequence[int]) -> bool:
-    """Whether each late stamp falls where one was missing, or before all."""
+    """Whether each late stamp falls, not too many places back, where one was missing, or before all."""
     known = list(known_ns)
     usual_ns = statistics.median([*_steps(known), *_steps(sorted(ahead_ns))])
     for stamp_ns in ahead_ns:
         place = bisect_right(known, stamp_ns)
         if place < len(known):
-            if place and (known[place] - known[place - 1] < _GAP * usual_ns or known[place - 1] == stamp_ns):
+            full = place and (known[place] - known[place - 1] < _GAP * usual_ns or known[place - 1] == stamp_ns)
+            if full or len(known) - place > HELD:
                 return False
             insort(known, stamp_ns)
     return True

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mcap.writer import Writer
 
 from stab_ros.io.bag_types import Message, definition_of
-from stab_ros.io.cdr import Header
+from stab_ros.io.cdr import Header, read_stamp
 from stab_ros.io.image_message import image_cdr
 from stab_ros.io.source import open_source
 from stab_ros.io.stamp_order import StampOrder
@@ -118,6 +118,15 @@ def test_a_picture_that_was_recorded_twice_is_not_a_clock() -> None:
     done, late = in_order(logged(stamps_ns))
     assert late == 1
     assert [message.data[4:12] for message in done] == [data_of(stamp_ns)[4:12] for stamp_ns in sorted(stamps_ns)]
+
+
+@pytest.mark.parametrize(("stamps_ns", "is_sorted"), [
+    (back(10, 0.5, 16), False), (back(10, 0.2, 16), False), ([START_NS + (k ^ 1) * STEP_NS for k in range(16)], True)])
+def test_pictures_of_which_few_can_be_held(stamps_ns: list[int], is_sorted: bool) -> None:
+    padding = bytes(23_000_000)  # 4K in colour
+    made = (message._replace(data=message.data + padding) for message in logged(stamps_ns))
+    found_ns = [read_stamp(message.data) for message in StampOrder([TOPIC]).sorted(made)]
+    assert found_ns == (sorted(stamps_ns) if is_sorted else stamps_ns)
 
 
 @pytest.mark.parametrize("zero", [(1, 3, 5, 7, 9), (0, 1, 2), (11,)])
