@@ -72,7 +72,9 @@ the damage, of which the last message may be damaged itself:
 
 Coded video ({codecs}) is decoded from the first key frame on. Frames before it, and after a packet that is damaged \
 or missing until the
-next key frame, are LOST. Each message is one frame, with its own stamp. With a PyAV older than 16, a missing packet \
+next key frame, are LOST. Each message is one frame, with its own stamp; stamps that go on steadily although \
+B-frames reorder the pictures, and log times, are
+given to frames in the order in which they are shown. With a PyAV older than 16, a missing packet \
 of H.265 goes unnoticed.
 Packets of VP9 have no numbers, so a missing one shows as smear until the next key frame. A packet that was cut short \
 is noticed in H.264; the
@@ -208,8 +210,10 @@ ms, us or ns since 1970.
 ## Times of a recording
 
 The stamp of an image is that of its header. Images that were logged up to eight places late are put in the order of \
-their stamps.
-Where header stamps contradict the log by a factor of three or more, are mostly zero, or jump, `stabilize`, \
+their stamps, and it is said.
+Where the camera's clock was set back they stay in the order of the log: their stamps fall among those before, and all \
+later ones stay behind.
+Where header stamps contradict the log by a factor of three or more, are zero, go back or jump ahead, `stabilize`, \
 `evaluate`, `compare` and `info` warn;
 `--time log` then takes the log time for the stamp, in `H.csv` and in the messages that are written for the image. \
 Other topics stay as they are.

@@ -35,6 +35,7 @@ REFERENCE_IMAGE, STATIC_MAP = topic_in("", REFERENCE_IMAGE_TOPIC), topic_in("", 
 SINGLE_IMAGES = (REFERENCE_IMAGE, STATIC_MAP, topic_in("", DEBUG_IMAGE_TOPIC))
 _RATE_FRAMES = 30
 _SORTED = (*IMAGE_TYPES, CAMERA_INFO)
+_NEVER_VIDEO = {*_SORTED} - {COMPRESSED_IMAGE}
 _BY_LOG = "all that depends on time goes by the header stamps, give --time log to go by the log"
 
 
@@ -69,15 +70,18 @@ class BagSource:
     def rate_hz(self) -> float:
         by_log = self.clock is Clock.LOG
         times_ns = (logged_ns if by_log else stamp_ns for stamp_ns, logged_ns in self.logged())
-        return _rate_hz(sorted(itertools.islice(times_ns, _RATE_FRAMES)))  # B-frames come later
+        return _rate_hz(sorted(itertools.islice(times_ns, _RATE_FRAMES)))
 
     def logged(self) -> Iterator[tuple[int, int]]:
-        """Header stamp and log time of each image that has a stamp, ns."""
+        """Header stamp and log time of each image that has a stamp, ns; of a coded video in the order of its frames."""
         topic = self.topics[self.image_topic]
-        for message in self._reader.messages([topic.name]):
+        is_video = self._is_video(topic)
+        arrived, shown = itertools.tee(self._reader.messages([topic.name]))
+        order = StampOrder([topic.name] if is_video else [], partial(stamp_of, topic=topic))
+        for first, message in zip(arrived, order.sorted(shown), strict=True):
             stamp_ns = stamp_of(message.data, topic)
             if stamp_ns is not None:
-                yield stamp_ns, message.log_time_ns
+                yield stamp_ns, first.log_time_ns
 
     def camera(self) -> Camera:
         name = topic_in(namespace_of(self.topics[self.image_topic]), CAMERA_INFO_TOPIC)
@@ -120,10 +124,13 @@ class BagSource:
     def _can_sort(self, name: str) -> bool:
         """Not a coded video: each of its frames needs the one that was logged before it."""
         topic = self.topics.get(name)
-        if topic is None or topic.msgtype != COMPRESSED_IMAGE:
-            return topic is not None and topic.msgtype in _SORTED
-        first = next(self._reader.messages([name]), None)
-        return first is not None and not video_format(first.data, topic)
+        return topic is not None and topic.msgtype in _SORTED and not self._is_video(topic)
+
+    def _is_video(self, topic: Topic) -> bool:
+        if topic.msgtype in _NEVER_VIDEO:
+            return False
+        first = next(self._reader.messages([topic.name]), None)
+        return first is not None and bool(video_format(first.data, topic))
 
     def _first(self, messages: Iterable[Message], limit: int | None) -> Iterator[Message]:
         """The messages up to and without image number `limit`."""
@@ -139,7 +146,7 @@ class BagSource:
         if not late:
             return told
         return [*told, f"{self.name}: {counted(late, 'image')} of {self.image_topic} {are(late)} logged out of order, "
-                "all are taken in the order of their header stamps"]
+                "all are taken in the order of their header stamps, give --time log to go by the log"]
 
 
 def _choose_topic(name: str, reader: BagReader, wanted: str | None) -> str:

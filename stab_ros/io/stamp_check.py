@@ -2,7 +2,7 @@
 
 Only a disagreement that no delay explains is a fault: messages are logged in bursts, whole queues late, and a camera's
 clock may run hours apart. So the usual step of the stamps is compared with the median and with the mean step of each
-other clock, and must differ from all of them.
+other clock, and must differ from all of them. Stamps of zero, and those that go back, are a fault in any case.
 """
 
 from __future__ import annotations
@@ -11,20 +11,20 @@ from array import array
 
 import numpy as np
 
+from stab_ros.core.text import are
 from stab_ros.core.types import FloatArray
 from stab_ros.io.cdr import SECOND_NS
 
 _LEAST_STEPS = 8
 _FACTOR = 3.0  # between the steps; slow simulations and replays, whose stamps are right, mostly stay below
 _FASTEST_S = 0.004  # a mean step below is none of a camera: the times are those of a conversion
-_JUMP_S, _BACK_S = 60.0, 1.0  # no queue is that long
+_JUMP_S = 60.0  # no queue is that long
 _AROUND = 30  # steps before and after a jump
-_MANY_ZERO = 0.5
 _ONE_IN = {1e3: ("microseconds", 1_000_000), 1e6: ("milliseconds", 1_000)}  # by factor: the unit; nanosec lies below
 
 
 class StampCheck:
-    """Follows the images of one stream.
+    """Follows the images of one stream, in the order in which they are taken.
 
     factor: between the usual step of the header stamps and those of the other clocks, that is a fault.
     log: what the log times are called.
@@ -52,10 +52,11 @@ class StampCheck:
 
     def fault(self) -> str:
         """What is wrong with the stamps, as a sentence without its end; "" if nothing is."""
-        if self._images > 1 and self._zero > _MANY_ZERO * self._images:
-            return f"{self._zero} of {self._images} header stamps are zero"
+        some_zero = self._images > 1 and self._zero > 0
+        zero = f"{self._zero} of {self._images} header stamps {are(self._zero)} zero" if some_zero else ""
         stamps_s, clocks = self._steps()
-        return _jumps(stamps_s, list(clocks.values())) or self.rate_fault()
+        others = _jumps(stamps_s, list(clocks.values())) or self.rate_fault()
+        return " and ".join(filter(None, (zero, others)))
 
     def _steps(self) -> tuple[FloatArray, dict[str, FloatArray]]:
         """The steps of the header stamps, and of every other clock that tells anything."""
@@ -101,8 +102,8 @@ def _mean_s(steps_s: FloatArray) -> float:
 
 
 def _jumps(stamps_s: FloatArray, clocks_s: list[FloatArray]) -> str:
-    """Steps that no delay of a message explains."""
-    back = [at for at, step_s in enumerate(stamps_s) if step_s < -_BACK_S]
+    """Steps that no delay of a message explains, as `StampOrder` has put messages in order."""
+    back = [at for at, step_s in enumerate(stamps_s) if step_s < 0]
     far = [at for at, step_s in enumerate(stamps_s) if clocks_s and step_s > _JUMP_S]
     ahead = [at for at in far if all(_leads(stamps_s, steps_s, at) for steps_s in clocks_s)]
     for which, words in ((back, "go back"), (ahead, "jump ahead of the log")):

@@ -1,7 +1,7 @@
 """Messages that were logged a little out of order, back in the order of their header stamps.
 
 Several writers of one bag, a converter, or a network may swap neighbours. The motion from frame to frame would
-alternate then, which no camera does.
+alternate then, which no camera does. Where a clock was set back, or a recording begins again, nothing is sorted.
 """
 
 from __future__ import annotations
@@ -11,21 +11,20 @@ from collections.abc import Collection, Iterable, Iterator
 
 from stab_ros.core.errors import MessageError
 from stab_ros.io.bag_types import Message
-from stab_ros.io.cdr import SECOND_NS, read_stamp
-
-_HELD = 8  # messages of a topic: how many places one may be late
-_HELD_BYTES = 2**26  # of all that are held, unless that is less than one message
-_BACK_NS = SECOND_NS  # what goes back by more is another recording or a clock that was set
+from stab_ros.io.cdr import read_stamp
+from stab_ros.io.set_back import HELD, HELD_BYTES, SetBacks, StampOf
 
 
 class StampOrder:
     """Sorts the messages of some topics, each by itself; whatever is in order already passes in the same order.
 
+    stamp_of: the header stamp in a message, ns; 0 or None: it has none.
     late: number of messages that came after one with a later stamp, by topic.
     """
 
-    def __init__(self, topics: Collection[str]) -> None:
+    def __init__(self, topics: Collection[str], stamp_of: StampOf | None = None) -> None:
         self.late = dict.fromkeys(topics, 0)
+        self._set_backs = SetBacks(self.late, stamp_of or _stamp_of)
         self._queue: deque[tuple[int | None, Message]] = deque()  # None: not to be sorted
         self._held = Counter[str]()  # messages to be sorted, by topic
         self._newest_ns: dict[str, int] = {}  # by topic, since the queue was last emptied
@@ -33,9 +32,8 @@ class StampOrder:
 
     def sorted(self, messages: Iterable[Message]) -> Iterator[Message]:
         """The messages; at most a few of each topic are held back, and what came between them."""
-        for message in messages:
-            stamp_ns = _stamp_of(message) if message.topic in self.late else None
-            if stamp_ns is not None and stamp_ns < self._newest_ns.get(message.topic, stamp_ns) - _BACK_NS:
+        for message, stamp_ns, begins in self._set_backs.marked(messages):
+            if begins:
                 yield from self._emptied()
             self._insert(stamp_ns, message)
             yield from self._released()
@@ -66,8 +64,8 @@ class StampOrder:
 
     def _released(self) -> Iterator[Message]:
         """What need not be held: nothing waits behind it, or too much is held."""
-        while self._queue and (self._queue[0][0] is None or max(self._held.values()) > _HELD
-                               or (self._bytes > _HELD_BYTES and len(self._queue) > 1)):
+        while self._queue and (self._queue[0][0] is None or max(self._held.values()) > HELD
+                               or (self._bytes > HELD_BYTES and len(self._queue) > 1)):
             yield self._first()
 
     def _emptied(self) -> Iterator[Message]:
@@ -83,9 +81,9 @@ class StampOrder:
         return message
 
 
-def _stamp_of(message: Message) -> int | None:
-    """None: it has no stamp."""
+def _stamp_of(data: bytes) -> int | None:
+    """Of a message in CDR that begins with a header."""
     try:
-        return read_stamp(message.data) or None
+        return read_stamp(data)
     except MessageError:
         return None

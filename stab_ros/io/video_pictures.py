@@ -1,11 +1,14 @@
 """The messages of a coded video as pictures: each with its own stamp, the lost ones in between.
 
 A decoder may hold pictures back, or give several at once; where a video has B-frames, packets come in another order
-than pictures. Pictures are given in the order in which they are shown.
+than pictures. Pictures are given in the order in which they are shown; messages, with their log times, in the order in
+which they came. Where the stamps of packets go on steadily although their pictures are reordered, they are those of
+packets, so that they belong to the pictures in the order in which these are shown, too.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
@@ -38,7 +41,10 @@ class VideoPictures:
         self._decoder: VideoDecoder | None = None
         self._format = ""
         self._waiting: dict[int, _Waiting] = {}  # by number, in the order of arrival
+        self._arrived: deque[_Waiting] = deque()  # as many, those that came first
         self._newest = -1
+        self._newest_ns = 0
+        self._of_pictures = False  # stamps have gone back: each is that of the packet's own picture
         self._why = _NO_KEY_FRAME  # a picture that does not come out is lost
 
     def take(self, message: Message, packet: CodedImage) -> Iterator[Picture]:
@@ -87,6 +93,9 @@ class VideoPictures:
     def _wait(self, one: _Waiting) -> int:
         self._newest += 1
         self._waiting[self._newest] = one
+        self._arrived.append(one)
+        self._of_pictures = self._of_pictures or 0 < one.stamp_ns < self._newest_ns
+        self._newest_ns = max(self._newest_ns, one.stamp_ns)
         return self._newest
 
     def _given(self, shown: Sequence[Shown]) -> Iterator[Picture]:
@@ -124,14 +133,18 @@ class VideoPictures:
             yield self._picture(number, MessageError(self._why))
 
     def _frame(self, shown: Shown) -> Decoded:
-        _, stamp_ns, frame_id = self._waiting[shown.number]
         try:
-            return Frame(*shown.image(), stamp_ns, frame_id)
+            return Frame(*shown.image(), self._stamp_ns(shown.number), self._waiting[shown.number].frame_id)
         except MessageError as error:
             return error
 
     def _picture(self, number: int, decoded: Decoded) -> Picture:
-        message, stamp_ns, _ = self._waiting.pop(number)
+        stamp_ns = self._stamp_ns(number)
+        del self._waiting[number]
+        message = self._arrived.popleft().message
         if isinstance(decoded, MessageError) and self._format:
             decoded = MessageError(f"{self._format} video: {decoded}")
         return Picture(message.log_time_ns, message.publish_time_ns, stamp_ns, decoded, message.data)
+
+    def _stamp_ns(self, number: int) -> int:
+        return (self._waiting[number] if self._of_pictures else self._arrived[0]).stamp_ns

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from contextlib import closing
 from datetime import datetime, timezone
+from functools import partial
 from pathlib import Path
 
 from stab_ros.core.errors import MessageError
@@ -15,6 +16,7 @@ from stab_ros.io.image_topic import holds_images, stamp_of, video_format
 from stab_ros.io.picture_reader import pictures_of
 from stab_ros.io.source import Kind, kind_of, open_source
 from stab_ros.io.stamp_check import StampCheck
+from stab_ros.io.stamp_order import StampOrder
 from stab_ros.io.video import VideoFacts, VideoFile
 
 _CHECKED_STAMPS = 50  # images, which are read whole
@@ -128,8 +130,8 @@ def _stamp_faults(path: Path, reader: BagReader) -> list[str]:
 
 
 def _stamp_fault(reader: BagReader, topic: Topic) -> str:
-    check = StampCheck()
-    for message in itertools.islice(reader.messages([topic.name]), _CHECKED_STAMPS):
+    check, order = StampCheck(), StampOrder([topic.name], partial(stamp_of, topic=topic))
+    for message in order.sorted(itertools.islice(reader.messages([topic.name]), _CHECKED_STAMPS)):
         stamp_ns = stamp_of(message.data, topic)
         if stamp_ns is not None:
             check.add(stamp_ns, message.publish_time_ns, message.log_time_ns)

@@ -72,6 +72,11 @@ def encoded_images(images: Sequence[Image], encoder: str, pixels: str = "yuv420p
     return [Packet(packet.pts or 0, bytes(packet)) for packet in packets]
 
 
+def as_they_come(packets: Sequence[Packet]) -> list[Packet]:
+    """The packets numbered in the order of the encoder: each is stamped as it comes, whatever picture is in it."""
+    return [Packet(place, packet.data) for place, packet in enumerate(packets)]
+
+
 def by_opencv(path: Path, packets: Iterable[Packet]) -> list[Image]:
     """The pictures of an elementary stream (path: *.h264 or *.h265), decoded by OpenCV's own FFmpeg."""
     path.write_bytes(b"".join(packet.data for packet in packets))

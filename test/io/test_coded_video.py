@@ -20,6 +20,7 @@ from coded_video import (
     TOPIC,
     Message,
     Packet,
+    as_they_come,
     by_opencv,
     compressed_image,
     compressed_video,
@@ -39,6 +40,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from stab_ros.core.errors import InputError, MessageError
 from stab_ros.core.types import Frame
 from stab_ros.io.bag import Topic
+from stab_ros.io.bag_source import BagSource
 from stab_ros.io.image_topic import read_content
 from stab_ros.io.protobuf import protobuf_fields
 from stab_ros.io.source import Clock, Picture, open_source, read_again
@@ -182,6 +184,35 @@ def test_b_frames_are_given_as_shown_with_their_own_stamps(
     check_same(images(found), by_opencv(tmp_path / f"a.{suffix}", stream))
     with open_source(bag) as source:
         assert source.rate_hz() == pytest.approx(1e9 / (stamps_ns[1] - stamps_ns[0]), rel=0.01)
+
+
+@pytest.mark.parametrize(("message", "msgtype"), [
+    (compressed_video("h264"), COMPRESSED_VIDEO), (ffmpeg_packet("libx264"), FFMPEG_PACKET),
+    (protobuf_video("h264"), "foxglove.CompressedVideo")], ids=["video", "ffmpeg", "protobuf"])
+def test_stamps_of_packets_are_given_to_pictures_as_they_are_shown(
+        flight: list[Shot], stamps_ns: list[int], tmp_path: Path, message: Message, msgtype: str) -> None:
+    stream = encoded(flight, bf="2", preset="medium")
+    shown = images(pictures(write_coded(tmp_path / "own.mcap", stream, stamps_ns, message, msgtype)))
+    bag = write_coded(tmp_path / "a.mcap", as_they_come(stream), stamps_ns, message, msgtype)
+    with open_source(bag, None) as source:
+        found = list(source.frames())
+        assert source.warnings == []
+    assert [picture.stamp_ns for picture in found] == stamps_ns
+    assert [picture.decoded.stamp_ns for picture in found if isinstance(picture.decoded, Frame)] == stamps_ns
+    assert np.array_equal(images(found), shown)
+
+
+@pytest.mark.parametrize("steady", [False, True])
+def test_log_times_of_b_frames_go_on_steadily(
+        flight: list[Shot], stamps_ns: list[int], tmp_path: Path, steady: bool) -> None:
+    stream = encoded(flight, bf="2", preset="medium")
+    bag = write_coded(tmp_path / "a.mcap", as_they_come(stream) if steady else stream, stamps_ns,
+                      compressed_video("h264"))
+    logged_ns = [stamp_ns + 2_000_000 for stamp_ns in stamps_ns]
+    with open_source(bag, None, clock=Clock.LOG) as source:
+        assert isinstance(source, BagSource)
+        assert [picture.stamp_ns for picture in source.frames()] == logged_ns
+        assert list(source.logged()) == list(zip(stamps_ns, logged_ns, strict=True))
 
 
 @pytest.mark.parametrize("options", [{}, {"bf": "2", "preset": "medium"}], ids=["", "b-frames"])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,7 @@ from coded_video import (
     TOPIC,
     Message,
     Packet,
+    as_they_come,
     compressed_video,
     encoded,
     ffmpeg_packet,
@@ -81,6 +84,34 @@ def test_the_log_time_can_be_taken_for_the_stamp(message: Message, msgtype: str,
     assert [int(row["stamp_ns"]) for row in table(tmp_path / "H.csv")] == logged
     with open_source(tmp_path / "out.mcap", TOPIC) as source:  # what was kept has the stamps of its homographies
         assert [picture.stamp_ns for picture in source.frames()] == logged
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("number", [list, as_they_come], ids=["of pictures", "of packets"])
+def test_both_clocks_of_b_frames_measure_the_same(number: Callable[[Sequence[Packet]], list[Packet]],
+                                                  flight: list[Shot], packets: list[Packet], command: Command,
+                                                  tmp_path: Path) -> None:
+    bag = write_coded(tmp_path / "in.mcap", number(packets), stamps_ns(flight), compressed_video("h264"))
+    logged = [log_time_ns for _, log_time_ns, _ in recorded(bag)]
+    measured = []
+    for words, expected in (((), stamps_ns(flight)), (("--time", "log"), logged)):
+        done = command("stabilize", bag, tmp_path / "out.mcap", "--homographies", tmp_path / "H.csv", "--keep-raw",
+                       "--force", *words)
+        assert (done.returncode, done.stderr) == (0, "")
+        rows = table(tmp_path / "H.csv")
+        assert [int(row["stamp_ns"]) for row in rows] == expected
+        for row, shot in zip(rows, flight, strict=True):
+            assert rms_distance(homography(row), shot.ref_H_cur, SIZE) < 0.2
+        for clock in ("header", "log"):
+            done = command("evaluate", tmp_path / "out.mcap", "--csv", tmp_path / "E.csv", "--force", "--time", clock)
+            assert (done.returncode, done.stderr) == (0, "")
+            measured.append((tmp_path / "E.csv").read_text())
+    assert measured[0].count("\n") > len(flight)
+    assert len({without_stamps(text) for text in measured}) == 1
+
+
+def without_stamps(text: str) -> str:
+    return re.sub(r"\b\d{10,}\b", "stamp", text)
 
 
 def test_convert_keeps_the_bytes_of_a_coded_video(
