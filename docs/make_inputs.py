@@ -106,9 +106,11 @@ left out. For any other codec:
 
 **Time.** Frames are stamped 1 s + their time of presentation. Where that follows the nominal rate as closely as the \
 clock of the file can say, it is
-exactly 1 s + frame / rate. `--fps` sets a constant rate in its place. Raw H.264 and H.265, and AVI with B-frames, \
-hold no such times:
-the nominal rate counts, else 25 frames/s.
+exactly 1 s + frame / rate. `--fps` sets a constant rate in its place. Pictures without a container hold \
+no times: raw H.264, H.265 and
+MPEG (`.h264`, `.h265`, `.hevc`, at times `.m4v`, `.mpg`) and Motion JPEG (`.mjpeg`, `.mjpg`). The rate that the codec \
+names counts, else 25 frames/s, and that is
+said; give `--fps`. AVI with B-frames has a rate, and no times.
 
 A video that is cut short is read up to its last whole frame, and that is said. An mp4 without its index (`moov`) \
 cannot be read: its camera

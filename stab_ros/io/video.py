@@ -21,6 +21,7 @@ from stab_ros.io.video_stream import (
     announced_s,
     choose_stream,
     codec_of,
+    lacks_times,
     open_container,
     others,
     timing_of,
@@ -138,7 +139,7 @@ class VideoFile:
                 packets.damaged > 0,
             f"it is cut off after {counted(number, 'frame')}": packets.cut or self._ends_early(clock),
             f"holds no times; frame n is stamped 1 s + n/{float(self._timing.fps):g} s (--fps sets another rate)":
-                clock.missing == number,
+                clock.missing == number or (lacks_times(self._stream) and self._given_fps is None),
             f"the times of {clock.missing + clock.wrong} {frames} are missing, repeat or go back; they follow their "
             "neighbours": clock.wrong > 0 or 0 < clock.missing < number,
         }

@@ -18,6 +18,7 @@ from stab_ros.io.video_clock import Timing
 
 _PICTURES = {"mjpeg", "png", "bmp", "tiff", "webp"}  # codecs of a cover
 _TIMES_IN_CODED_ORDER = {"avi"}  # containers that number frames as they are stored, not as they are shown
+_NO_TIMES = 0x80  # AVFMT_NOTIMESTAMPS of libavformat/avformat.h
 
 
 def open_container(path: Path) -> InputContainer:
@@ -57,7 +58,13 @@ def timing_of(stream: VideoStream, fps: float | None) -> Timing:
     rate = next((rate for rate in (stream.guessed_rate, stream.average_rate) if rate and 0 < rate <= MAX_FPS),
                 Fraction(DEFAULT_FPS))
     reordered = stream.codec_context.has_b_frames and stream.container.format.name in _TIMES_IN_CODED_ORDER
-    return Timing(rate, None if reordered else stream.time_base)
+    return Timing(rate, None if reordered or lacks_times(stream) else stream.time_base)
+
+
+def lacks_times(stream: VideoStream) -> bool:
+    """Are the pictures stored one after the other without a container? FFmpeg then makes up their times."""
+    kind = stream.container.format
+    return bool(int(kind.flags) & _NO_TIMES) or kind.name.endswith("_pipe")
 
 
 def codec_of(stream: VideoStream) -> str:

@@ -11,6 +11,7 @@ s="-i source.mkv"
 $f $s -vf format=yuv420p $x264 -g 4 plain.mp4
 $f -i plain.mp4 -c copy -bsf:v h264_mp4toannexb no_times.h264
 $f -i plain.mp4 -c copy reordered.avi
+$f $s -c:v mpeg4 -q:v 2 -bitexact -f m4v no_times.m4v
 $f -ss 0.2 -i plain.mp4 -c copy edit_list.mp4
 $f -i plain.mp4 -c copy -metadata:s:v:0 rotate=90 rotated.mp4
 $f -i plain.mp4 -c copy -movflags +faststart whole.mp4
@@ -23,6 +24,7 @@ $f $s -c:v libx265 -x265-params log-level=error -crf 8 -pix_fmt yuv420p10le -tag
 $f $s -c:v libvpx-vp9 -crf 10 -b:v 0 -pix_fmt yuv420p vp9.webm
 $f $s -c:v prores_ks -profile:v 1 -pix_fmt yuv422p10le prores.mov
 $f $s -c:v mjpeg -q:v 2 -pix_fmt yuvj422p mjpeg.avi
+$f -i mjpeg.avi -c copy -bitexact no_times.mjpeg
 $f $s -r 12.5 delta.gif
 $f $source -frames:v 6 -vf "tinterlace=interleave_top,setfield=tff" $x264 -flags +ildct+ilme -x264opts tff=1 interlaced.mp4
 $f $s -f lavfi -i testsrc=size=48x32:rate=25 -frames:v 12 -map 1 -map 0 -c:v mjpeg preview.mp4

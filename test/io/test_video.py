@@ -51,7 +51,7 @@ def write(path: Path, times_ms: list[int], codec: str = "mpeg4") -> Path:
 
 
 @pytest.mark.parametrize("name", ["plain.mp4", "av1.mp4", "hevc10.mp4", "vp9.webm", "prores.mov", "mjpeg.avi",
-                                  "no_times.h264", "reordered.avi"])
+                                  "no_times.h264", "no_times.mjpeg", "no_times.m4v", "reordered.avi"])
 def test_every_codec_gives_the_pictures_and_the_stamps_of_a_constant_rate(name: str) -> None:
     stamps, images, _ = read(VIDEOS / name)
     assert stamps == GRID
@@ -104,9 +104,13 @@ def test_a_coarse_clock_does_not_blur_a_constant_rate(fps: Fraction) -> None:
     assert stamps == [stamp_ns(number, float(fps)) for number in range(1000)]
 
 
-def test_a_file_without_times_says_so() -> None:
-    assert any("holds no times" in line for line in read(VIDEOS / "no_times.h264")[2])
-    assert "no times in the file" in describe(VIDEOS / "no_times.h264")[0][1]
+@pytest.mark.parametrize("name", ["no_times.h264", "no_times.mjpeg", "no_times.m4v"])
+def test_a_file_without_times_says_so(name: str) -> None:
+    stamps, _, said = read(VIDEOS / name)
+    assert stamps == GRID
+    assert said == [f"{VIDEOS / name}: holds no times; frame n is stamped 1 s + n/25 s (--fps sets another rate)"]
+    assert "no times in the file, 25 frames/s are assumed" in describe(VIDEOS / name)[0][1]
+    assert read(VIDEOS / name, fps=60)[::2] == ([stamp_ns(number, 60.0) for number in range(FRAMES)], [])
 
 
 def test_fields_are_not_mixed() -> None:
