@@ -97,8 +97,14 @@ Containers: {videos}.
 
 Codecs: what the FFmpeg of PyAV decodes: H.264, H.265, AV1, VP9, MPEG-2, ProRes, MJPEG, GIF and many more, with 8 to \
 16 bits. Frames become
-bgr8 (grey ones mono8), as a player shows them: turned as the file says, fields of interlaced video filled in \
-(bwdif), colour by the file's matrix and range.
+bgr8 (grey ones mono8), as a player shows them but for the shape of their pixels: turned and flipped as the file says, \
+by multiples of 90 degrees (any
+other angle is left and said), fields of interlaced video filled in (bwdif), colour by the file's matrix and range. \
+Pixels that are not square,
+as of anamorphic lenses and standard-definition video, stay as stored, and that is said: tracking does not mind, but \
+with one focal length, or
+one scale, lengths across and along the picture differ by the factor that is named. \
+`-vf "scale=2*round(iw*sar/2):ih,setsar=1"` makes them square.
 Grey of more than 8 bits becomes mono16. Of several video streams the largest is read, and that is said; covers are \
 left out. For any other codec:
 

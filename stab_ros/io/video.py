@@ -24,6 +24,7 @@ from stab_ros.io.video_stream import (
     lacks_times,
     open_container,
     others,
+    stretched,
     timing_of,
     undecodable,
 )
@@ -67,7 +68,8 @@ class VideoFile:
         self._stream.thread_type = "AUTO"
         self._given_fps = fps
         self._timing = timing_of(self._stream, fps)
-        self.warnings = [f"{path}: {line}" for line in others(self._container, self._stream)]
+        said = [*others(self._container, self._stream), *stretched(path, self._stream)]
+        self.warnings = [f"{path}: {line}" for line in said]
 
     @property
     def count(self) -> int | None:

@@ -14,6 +14,8 @@ $f -i plain.mp4 -c copy reordered.avi
 $f $s -c:v mpeg4 -q:v 2 -bitexact -f m4v no_times.m4v
 $f -ss 0.2 -i plain.mp4 -c copy edit_list.mp4
 $f -i plain.mp4 -c copy -metadata:s:v:0 rotate=90 rotated.mp4
+$f -i plain.mp4 -c copy -metadata:s:v:0 rotate=45 slanted.mp4
+$f -i plain.mp4 -c copy -aspect 2 stretched.mp4
 $f -i plain.mp4 -c copy -movflags +faststart whole.mp4
 head -c "$(($(stat -c %s whole.mp4) * 7 / 10))" whole.mp4 > cut.mp4
 rm whole.mp4

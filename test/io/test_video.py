@@ -173,6 +173,15 @@ def test_a_turned_video_is_shown_upright_and_told() -> None:
     assert any("turned anticlockwise" in line for line in describe(VIDEOS / "rotated.mp4")[1])
 
 
+def test_pixels_that_are_not_square_are_told() -> None:
+    _, images, said = read(VIDEOS / "stretched.mp4")  # 96x64 as 2:1
+    assert images[0].shape == (64, 96, 3)
+    assert len(said) == 1
+    assert "pixels are not square, but 1.333 times as wide as high; frames are taken as stored" in said[0]
+    assert "ffmpeg -i stretched.mp4 -vf" in said[0]
+    assert describe(VIDEOS / "stretched.mp4")[1] == said
+
+
 def test_the_preview_is_not_taken_for_the_video() -> None:
     _, images, said = read(VIDEOS / "preview.mp4")
     assert images[0].shape == (64, 96, 3)
