@@ -16,7 +16,7 @@ from stab_ros.core.types import Frame
 from stab_ros.io.frame_reader import FIRST_STAMP_NS, FRAME_ID, Decoded
 from stab_ros.io.video_clock import Pace, VideoClock, pace
 from stab_ros.io.video_packets import Packets, decode
-from stab_ros.io.video_picture import Deinterlacer, Turn, picture_of
+from stab_ros.io.video_picture import Deinterlacer, Turn, left_undone, picture_of
 from stab_ros.io.video_stream import (
     announced_s,
     choose_stream,
@@ -104,7 +104,7 @@ class VideoFile:
             for shown in fields(decode(packets, self._stream)):
                 if turn is None:
                     turn = Turn.of(shown)
-                    self._tell(turn, fields)
+                    self._tell(turn, left_undone(shown, turn), fields)
                 stamp = clock.stamp_ns(shown.pts)
                 pixels, encoding = picture_of(shown)
                 yield stamp, Frame(turn(pixels), encoding, stamp, FRAME_ID)
@@ -122,10 +122,13 @@ class VideoFile:
             stream = choose_stream(self._path, container)
             return any(frame.interlaced_frame for frame in islice(decode(Packets(container, stream), stream), 1))
 
-    def _tell(self, turn: Turn, fields: Deinterlacer) -> None:
-        """With the first frame: what is done to all."""
+    def _tell(self, turn: Turn, undone: str, fields: Deinterlacer) -> None:
+        """With the first frame: what is done to all, and what is not."""
         if str(turn):
             self.warnings.append(f"{self._path}: frames are {turn}, as the file asks players to do")
+        if undone:
+            self.warnings.append(f"{self._path}: frames are taken as stored; the file asks players to show them {undone}, "
+                                 "and only flips and multiples of 90 degrees are done")
         if fields.filled:
             self.warnings.append(f"{self._path}: interlaced; the lines of the first field of a frame are kept, and the "
                                  "others filled in, as they show another moment")

@@ -97,8 +97,8 @@ def stretched(path: Path, stream: VideoStream) -> list[str]:
     if abs(factor - 1) < _SQUARE:
         return []
     return [f"pixels are not square, but {float(factor):.4g} times as wide as high; frames are taken as stored, not as "
-            f"players show them; to make them square: ffmpeg -i {path.name} -vf \"scale=2*round(iw*sar/2):ih,setsar=1\" "
-            f"-c:v libx264 -crf 12 {path.stem}_square.mp4"]
+            f"players show them; to make them square: ffmpeg -i {path.name} "
+            f'-vf "scale=2*round(iw*sar/2):ih,setsar=1" -c:v libx264 -crf 12 {path.stem}_square.mp4']
 
 
 def undecodable(path: Path, codec: str | None, reason: str = "") -> InputError:

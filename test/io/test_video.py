@@ -173,6 +173,14 @@ def test_a_turned_video_is_shown_upright_and_told() -> None:
     assert any("turned anticlockwise" in line for line in describe(VIDEOS / "rotated.mp4")[1])
 
 
+def test_a_slanted_turn_is_left_and_told() -> None:
+    _, images, said = read(VIDEOS / "slanted.mp4")
+    assert np.array_equal(images, read(VIDEOS / "plain.mp4")[1])
+    assert len(said) == 1
+    assert "taken as stored; the file asks players to show them turned anticlockwise by 45 degrees" in said[0]
+    assert describe(VIDEOS / "slanted.mp4")[1] == said
+
+
 def test_pixels_that_are_not_square_are_told() -> None:
     _, images, said = read(VIDEOS / "stretched.mp4")  # 96x64 as 2:1
     assert images[0].shape == (64, 96, 3)
