@@ -127,8 +127,8 @@ class VideoFile:
         if str(turn):
             self.warnings.append(f"{self._path}: frames are {turn}, as the file asks players to do")
         if undone:
-            self.warnings.append(f"{self._path}: frames are taken as stored; the file asks players to show them {undone}, "
-                                 "and only flips and multiples of 90 degrees are done")
+            self.warnings.append(f"{self._path}: frames are taken as stored; the file asks players to show them "
+                                 f"{undone}, and only flips and multiples of 90 degrees are done")
         if fields.filled:
             self.warnings.append(f"{self._path}: interlaced; the lines of the first field of a frame are kept, and the "
                                  "others filled in, as they show another moment")
