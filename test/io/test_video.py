@@ -145,6 +145,31 @@ def test_a_cut_file_is_read_to_its_end_and_told() -> None:
     assert told == said
 
 
+@pytest.mark.parametrize("name", [
+    "plain.ts", "plain.mpg", "plain.ogv", "plain.wmv", "plain.y4m", "delta.gif", "vp9.webm", "mjpeg.avi", "source.mkv",
+    "no_times.h264", "no_times.hevc", "no_times.mjpeg", "no_times.m4v",
+])
+def test_every_container_tells_that_it_is_cut_and_gives_whole_frames(name: str, tmp_path: Path) -> None:
+    whole, path = (VIDEOS / name).read_bytes(), tmp_path / name
+    _, images, said = read(VIDEOS / name)
+    assert not any("cut off" in line for line in said)
+    for share in (0.9, 0.8, 0.6, 0.45):
+        path.write_bytes(whole[: int(share * len(whole))])
+        _, found, said = read(path)
+        assert 0 < len(found) < len(images)
+        assert all(any(np.array_equal(image, one) for one in images) for image in found), share
+        assert any(f"cut off after {len(found)} frame" in line for line in said), share
+        assert any("cut off after" in line for line in describe(path)[1]), share
+
+
+@pytest.mark.parametrize("name", ["vp9.webm", "source.mkv", "mjpeg.avi", "plain.ts", "delta.gif", "plain.y4m"])
+def test_a_file_cut_within_its_first_frame_says_that(name: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_bytes((VIDEOS / name).read_bytes()[: 6000 if name == "mjpeg.avi" else 1400])
+    with pytest.raises(InputError, match="is cut off before the end of its first frame"):
+        read(path)
+
+
 def test_damage_within_costs_the_frames_it_hits(tmp_path: Path) -> None:
     damaged = tmp_path / "damaged.avi"
     data = bytearray((VIDEOS / "mjpeg.avi").read_bytes())
