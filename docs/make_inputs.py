@@ -128,8 +128,8 @@ H.264, H.265 and MPEG, `.ts`, `.mpg`)
 
 It cannot be known where raw video, Motion JPEG, Y4M or `.mpg` ends between two frames. Decoders let some torn frames \
 pass, above all that of H.265: of
-60 cuts most at 96x64, 17 at 384x256, and one of 40 at 1280x720. With B-frames a few of the last frames may lack, and without \
-times the stamps run on over them.
+60 cuts most at 96x64, 17 at 384x256, and one of 40 at 1280x720. With B-frames a few of the last frames may lack, \
+and without times the stamps run on over them.
 
 An mp4 without its index (`moov`) \
 cannot be read: its camera
