@@ -119,8 +119,14 @@ Containers: {videos}.
 
 Codecs: what the FFmpeg of PyAV decodes: H.264, H.265, AV1, VP9, MPEG-2, ProRes, MJPEG, GIF and many more, with 8 to \
 16 bits. Frames become
-bgr8 (grey ones mono8), as a player shows them: turned as the file says, fields of interlaced video filled in \
-(bwdif), colour by the file's matrix and range.
+bgr8 (grey ones mono8), as a player shows them but for the shape of their pixels: turned and flipped as the file says, \
+by multiples of 90 degrees (any
+other angle is left and said), fields of interlaced video filled in (bwdif), colour by the file's matrix and range. \
+Pixels that are not square,
+as of anamorphic lenses and standard-definition video, stay as stored, and that is said: tracking does not mind, but \
+with one focal length, or
+one scale, lengths across and along the picture differ by the factor that is named. \
+`-vf "scale=2*round(iw*sar/2):ih,setsar=1"` makes them square.
 Grey of more than 8 bits becomes mono16. Of several video streams the largest is read, and that is said; covers are \
 left out. For any other codec:
 
@@ -128,11 +134,26 @@ left out. For any other codec:
 
 **Time.** Frames are stamped 1 s + their time of presentation. Where that follows the nominal rate as closely as the \
 clock of the file can say, it is
-exactly 1 s + frame / rate. `--fps` sets a constant rate in its place. Raw H.264 and H.265, and AVI with B-frames, \
-hold no such times:
-the nominal rate counts, else 25 frames/s.
+exactly 1 s + frame / rate. `--fps` sets a constant rate in its place. Pictures without a container hold \
+no times: raw H.264, H.265 and
+MPEG (`.h264`, `.h265`, `.hevc`, at times `.m4v`, `.mpg`) and Motion JPEG (`.mjpeg`, `.mjpg`). The rate that the codec \
+names counts, else 25 frames/s, and that is
+said; give `--fps`. AVI with B-frames has a rate, and no times.
 
-A video that is cut short is read up to its last whole frame, and that is said. An mp4 without its index (`moov`) \
+A video that is cut short is read up to its last whole frame, and that is said; a frame that is torn is left out. It \
+shows by
+
+- a file that is shorter than its headers say (MKV, WebM, AVI, WMV, `.ts`), or has no mark of the end (GIF, Ogg)
+- a duration of which a tenth and five frames lack (MP4, MOV, MXF, FLV and all others that announce one)
+- a torn frame: of Y4M, FLV, JPEG without its end marker, and where the decoder stumbles over the last packet (raw \
+H.264, H.265 and MPEG, `.ts`, `.mpg`)
+
+It cannot be known where raw video, Motion JPEG, Y4M or `.mpg` ends between two frames. Decoders let some torn frames \
+pass, above all that of H.265: of
+60 cuts most at 96x64, 17 at 384x256, and one of 40 at 1280x720. With B-frames a few of the last frames may lack, \
+and without times the stamps run on over them.
+
+An mp4 without its index (`moov`) \
 cannot be read: its camera
 was switched off while it recorded; tools such as untrunc repair it.
 

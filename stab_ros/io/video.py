@@ -11,18 +11,21 @@ from pathlib import Path
 
 from av.error import FFmpegError
 
+from stab_ros.core.errors import InputError
 from stab_ros.core.text import are, counted, one_line
 from stab_ros.core.types import Frame
-from stab_ros.io.frame_reader import FIRST_STAMP_NS, FRAME_ID, Decoded
+from stab_ros.io.frame_reader import FRAME_ID, Decoded
 from stab_ros.io.video_clock import Pace, VideoClock, pace
 from stab_ros.io.video_packets import Packets, decode
-from stab_ros.io.video_picture import Deinterlacer, Turn, picture_of
+from stab_ros.io.video_picture import Deinterlacer, Turn, left_undone, picture_of
 from stab_ros.io.video_stream import (
     announced_s,
     choose_stream,
     codec_of,
+    lacks_times,
     open_container,
     others,
+    stretched,
     timing_of,
     undecodable,
 )
@@ -41,7 +44,7 @@ class VideoFacts:
         nominal_fps: the rate that the file names, frames/s.
         timed: does it hold times of presentation?
         pace: number of frames and the steps between them.
-        cut: does the file end within a frame?
+        cut: does the file end early, within a frame or with fewer than it announces?
     """
 
     codec: str
@@ -66,7 +69,8 @@ class VideoFile:
         self._stream.thread_type = "AUTO"
         self._given_fps = fps
         self._timing = timing_of(self._stream, fps)
-        self.warnings = [f"{path}: {line}" for line in others(self._container, self._stream)]
+        said = [*others(self._container, self._stream), *stretched(path, self._stream)]
+        self.warnings = [f"{path}: {line}" for line in said]
 
     @property
     def count(self) -> int | None:
@@ -90,8 +94,9 @@ class VideoFile:
             else:
                 times = [packet.pts for packet in packets if packets.is_shown(packet)]
         timed = timing.tick_s is not None and any(pts is not None for pts in times)
+        steps = pace(timing, times)
         return VideoFacts(codec_of(self._stream), self._stream.codec_context.pix_fmt or "unknown pixels",
-                          float(timing.fps), timed, pace(timing, times), packets.cut)
+                          float(timing.fps), timed, steps, packets.cut or self._ends_early(steps.duration_s))
 
     def frames(self) -> Iterator[tuple[int, Decoded]]:
         packets, clock = Packets(self._container, self._stream), VideoClock(self._timing)
@@ -101,12 +106,14 @@ class VideoFile:
             for shown in fields(decode(packets, self._stream)):
                 if turn is None:
                     turn = Turn.of(shown)
-                    self._tell(turn, fields)
+                    self._tell(turn, left_undone(shown, turn), fields)
                 stamp = clock.stamp_ns(shown.pts)
                 pixels, encoding = picture_of(shown)
                 yield stamp, Frame(turn(pixels), encoding, stamp, FRAME_ID)
         except FFmpegError as error:
             raise undecodable(self._path, codec_of(self._stream), one_line(error.strerror)) from error
+        if packets.shown == 0:
+            raise InputError(f"{self._path}: is cut off before the end of its first frame; it must hold one")
         if clock.frames == 0:
             raise undecodable(self._path, codec_of(self._stream))
         self._warn(packets, clock, fields)
@@ -119,10 +126,13 @@ class VideoFile:
             stream = choose_stream(self._path, container)
             return any(frame.interlaced_frame for frame in islice(decode(Packets(container, stream), stream), 1))
 
-    def _tell(self, turn: Turn, fields: Deinterlacer) -> None:
-        """With the first frame: what is done to all."""
+    def _tell(self, turn: Turn, undone: str, fields: Deinterlacer) -> None:
+        """With the first frame: what is done to all, and what is not."""
         if str(turn):
             self.warnings.append(f"{self._path}: frames are {turn}, as the file asks players to do")
+        if undone:
+            self.warnings.append(f"{self._path}: frames are taken as stored; the file asks players to show them "
+                                 f"{undone}, and only flips and multiples of 90 degrees are done")
         if fields.filled:
             self.warnings.append(f"{self._path}: interlaced; the lines of the first field of a frame are kept, and the "
                                  "others filled in, as they show another moment")
@@ -136,17 +146,17 @@ class VideoFile:
             f"{packets.damaged} {frames} {are(packets.damaged)} damaged in the file; pictures may be wrong up to the "
             "next key frame":
                 packets.damaged > 0,
-            f"it is cut off after {counted(number, 'frame')}": packets.cut or self._ends_early(clock),
+            f"it is cut off after {counted(number, 'frame')}": packets.cut or self._ends_early(clock.duration_s),
             f"holds no times; frame n is stamped 1 s + n/{float(self._timing.fps):g} s (--fps sets another rate)":
-                clock.missing == number,
+                clock.missing == number or (lacks_times(self._stream) and self._given_fps is None),
             f"the times of {clock.missing + clock.wrong} {frames} are missing, repeat or go back; they follow their "
             "neighbours": clock.wrong > 0 or 0 < clock.missing < number,
         }
         self.warnings += [f"{self._path}: {line}" for line, true in said.items() if true]
 
-    def _ends_early(self, clock: VideoClock) -> bool:
+    def _ends_early(self, duration_s: float) -> bool:
+        """duration_s: from the first frame to the last."""
         announced, frame = announced_s(self._container, self._stream), 1 / float(self._timing.fps)
         if announced is None or self._given_fps:
             return False
-        missing_s = announced - frame - (clock.last_ns - FIRST_STAMP_NS) / 1e9
-        return missing_s > max(_MISSING_SHARE * announced, _MISSING_FRAMES * frame)
+        return announced - frame - duration_s > max(_MISSING_SHARE * announced, _MISSING_FRAMES * frame)

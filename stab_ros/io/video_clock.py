@@ -45,6 +45,11 @@ class VideoClock:
         self._origin: Fraction | None = None  # the presentation time of the first frame, s
         self._last: Fraction | None = None  # of the last frame, s since the first
 
+    @property
+    def duration_s(self) -> float:
+        """From the first frame to the last, s."""
+        return max(0, self.last_ns - FIRST_STAMP_NS) / 1e9
+
     def stamp_ns(self, pts: int | None) -> int:
         """pts: presentation time in ticks; None: unknown."""
         self.frames += 1

@@ -10,6 +10,10 @@ from av.packet import Packet
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
+from stab_ros.io.video_end import Ending
+
+_END_IN_ERROR = {"mpjpeg"}  # JPEG in MIME parts: FFmpeg looks for one after the last
+
 
 class Packets:
     """Iterates over the coded frames of a stream, once; one that the end of the file cuts off is left out.
@@ -28,13 +32,17 @@ class Packets:
 
     def __iter__(self) -> Iterator[Packet[VideoStream]]:
         held: Packet[VideoStream] | None = None  # the last one is judged when it is known to be the last
+        ending = Ending(self._container, self._stream)
         for packet in self._demuxed():
             if held is not None:
                 yield self._counted(held)
             held = packet
-        if held is not None and held.is_corrupt:  # with it, a decoder with several threads loses frames before it
-            self.cut = True
-        elif held is not None:
+            ending.add(packet)
+        if held is None:
+            return
+        torn = held.is_corrupt or ending.is_torn()
+        self.cut = self.cut or torn or ending.is_cut()
+        if not torn:  # with it, a decoder with several threads loses frames before it
             yield self._counted(held)
 
     def is_shown(self, packet: Packet[VideoStream]) -> bool:
@@ -47,7 +55,7 @@ class Packets:
                 if packet.size:  # an empty one would end the decoder
                     yield packet
         except FFmpegError:
-            self.cut = True
+            self.cut = self._container.format.name not in _END_IN_ERROR
 
     def _counted(self, packet: Packet[VideoStream]) -> Packet[VideoStream]:
         self.shown += self.is_shown(packet)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from fractions import Fraction
 
 import numpy as np
@@ -33,12 +34,9 @@ class Turn:
     @classmethod
     def of(cls, frame: VideoFrame) -> Turn:
         """What the frame asks for; nothing, where that is more than a quarter turn and a flip."""
-        data = frame.side_data.get("DISPLAYMATRIX")
-        if not isinstance(data, Buffer):
-            return cls()
-        a, b, _, c, d = (int(number) / _ONE for number in np.frombuffer(bytes(data), "=i4")[:5])
-        turn = cls(round(a), round(b), round(c), round(d))
-        slant = max(abs(a - turn.a), abs(b - turn.b), abs(c - turn.c), abs(d - turn.d))
+        asked = _asked(frame)
+        turn = cls(*(round(number) for number in asked))
+        slant = max(abs(number - taken) for number, taken in zip(asked, astuple(turn), strict=True))
         return turn if turn in _NAMES and slant < _SLANT else cls()
 
     def __str__(self) -> str:
@@ -49,6 +47,26 @@ class Turn:
         turned = image if self.a else np.swapaxes(image, 0, 1)
         turned = turned[:, ::-1] if self.a + self.c < 0 else turned
         return np.ascontiguousarray(turned[::-1] if self.b + self.d < 0 else turned)
+
+
+def left_undone(frame: VideoFrame, turn: Turn) -> str:
+    """What else the frame asks players to do, in words; empty: nothing."""
+    a, b, c, d = _asked(frame)
+    if max(abs(a - turn.a), abs(b - turn.b), abs(c - turn.c), abs(d - turn.d)) < _SLANT:
+        return ""
+    if max(abs(a - d), abs(b + c), abs(math.hypot(a, b) - 1)) > _SLANT:
+        return "stretched or slanted"
+    angle = math.degrees(math.atan2(b, a))
+    return f"turned {'clockwise' if angle > 0 else 'anticlockwise'} by {abs(angle):.3g} degrees"
+
+
+def _asked(frame: VideoFrame) -> tuple[float, float, float, float]:
+    """a, b, c, d of its display matrix; those of the identity if it has none."""
+    data = frame.side_data.get("DISPLAYMATRIX")
+    if not isinstance(data, Buffer):
+        return 1.0, 0.0, 0.0, 1.0
+    a, b, _, c, d = (int(number) / _ONE for number in np.frombuffer(bytes(data), "=i4")[:5])
+    return a, b, c, d
 
 
 _NAMES = {

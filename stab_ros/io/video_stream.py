@@ -18,6 +18,8 @@ from stab_ros.io.video_clock import Timing
 
 _PICTURES = {"mjpeg", "png", "bmp", "tiff", "webp"}  # codecs of a cover
 _TIMES_IN_CODED_ORDER = {"avi"}  # containers that number frames as they are stored, not as they are shown
+_SQUARE = 1e-3  # a factor closer to 1 is the rounding of a size
+_NO_TIMES = 0x80  # AVFMT_NOTIMESTAMPS of libavformat/avformat.h
 
 
 def open_container(path: Path) -> InputContainer:
@@ -57,7 +59,13 @@ def timing_of(stream: VideoStream, fps: float | None) -> Timing:
     rate = next((rate for rate in (stream.guessed_rate, stream.average_rate) if rate and 0 < rate <= MAX_FPS),
                 Fraction(DEFAULT_FPS))
     reordered = stream.codec_context.has_b_frames and stream.container.format.name in _TIMES_IN_CODED_ORDER
-    return Timing(rate, None if reordered else stream.time_base)
+    return Timing(rate, None if reordered or lacks_times(stream) else stream.time_base)
+
+
+def lacks_times(stream: VideoStream) -> bool:
+    """Are the pictures stored one after the other without a container? FFmpeg then makes up their times."""
+    kind = stream.container.format
+    return bool(int(kind.flags) & _NO_TIMES) or kind.name.endswith("_pipe")
 
 
 def codec_of(stream: VideoStream) -> str:
@@ -81,6 +89,16 @@ def others(container: InputContainer, stream: VideoStream) -> list[str]:
                          if other.codec_context)
     context = stream.codec_context
     return [f"of several videos that of {context.width}x{context.height} is read, not {sizes}"] if sizes else []
+
+
+def stretched(path: Path, stream: VideoStream) -> list[str]:
+    """What there is to say, in one line, of pixels that are not square."""
+    factor = stream.sample_aspect_ratio or Fraction(1)
+    if abs(factor - 1) < _SQUARE:
+        return []
+    return [f"pixels are not square, but {float(factor):.4g} times as wide as high; frames are taken as stored, not as "
+            f"players show them; to make them square: ffmpeg -i {path.name} "
+            f'-vf "scale=2*round(iw*sar/2):ih,setsar=1" -c:v libx264 -crf 12 {path.stem}_square.mp4']
 
 
 def undecodable(path: Path, codec: str | None, reason: str = "") -> InputError:

@@ -51,7 +51,7 @@ def write(path: Path, times_ms: list[int], codec: str = "mpeg4") -> Path:
 
 
 @pytest.mark.parametrize("name", ["plain.mp4", "av1.mp4", "hevc10.mp4", "vp9.webm", "prores.mov", "mjpeg.avi",
-                                  "no_times.h264", "reordered.avi"])
+                                  "no_times.h264", "no_times.mjpeg", "no_times.m4v", "reordered.avi"])
 def test_every_codec_gives_the_pictures_and_the_stamps_of_a_constant_rate(name: str) -> None:
     stamps, images, _ = read(VIDEOS / name)
     assert stamps == GRID
@@ -104,9 +104,13 @@ def test_a_coarse_clock_does_not_blur_a_constant_rate(fps: Fraction) -> None:
     assert stamps == [stamp_ns(number, float(fps)) for number in range(1000)]
 
 
-def test_a_file_without_times_says_so() -> None:
-    assert any("holds no times" in line for line in read(VIDEOS / "no_times.h264")[2])
-    assert "no times in the file" in describe(VIDEOS / "no_times.h264")[0][1]
+@pytest.mark.parametrize("name", ["no_times.h264", "no_times.mjpeg", "no_times.m4v"])
+def test_a_file_without_times_says_so(name: str) -> None:
+    stamps, _, said = read(VIDEOS / name)
+    assert stamps == GRID
+    assert said == [f"{VIDEOS / name}: holds no times; frame n is stamped 1 s + n/25 s (--fps sets another rate)"]
+    assert "no times in the file, 25 frames/s are assumed" in describe(VIDEOS / name)[0][1]
+    assert read(VIDEOS / name, fps=60)[::2] == ([stamp_ns(number, 60.0) for number in range(FRAMES)], [])
 
 
 def test_fields_are_not_mixed() -> None:
@@ -141,6 +145,31 @@ def test_a_cut_file_is_read_to_its_end_and_told() -> None:
     assert told == said
 
 
+@pytest.mark.parametrize("name", [
+    "plain.ts", "plain.mpg", "plain.ogv", "plain.wmv", "plain.y4m", "delta.gif", "vp9.webm", "mjpeg.avi", "source.mkv",
+    "no_times.h264", "no_times.hevc", "no_times.mjpeg", "no_times.m4v",
+])
+def test_every_container_tells_that_it_is_cut_and_gives_whole_frames(name: str, tmp_path: Path) -> None:
+    whole, path = (VIDEOS / name).read_bytes(), tmp_path / name
+    _, images, said = read(VIDEOS / name)
+    assert not any("cut off" in line for line in said)
+    for share in (0.9, 0.8, 0.6, 0.45):
+        path.write_bytes(whole[: int(share * len(whole))])
+        _, found, said = read(path)
+        assert 0 < len(found) < len(images)
+        assert all(any(np.array_equal(image, one) for one in images) for image in found), share
+        assert any(f"cut off after {len(found)} frame" in line for line in said), share
+        assert any("cut off after" in line for line in describe(path)[1]), share
+
+
+@pytest.mark.parametrize("name", ["vp9.webm", "source.mkv", "mjpeg.avi", "plain.ts", "delta.gif", "plain.y4m"])
+def test_a_file_cut_within_its_first_frame_says_that(name: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_bytes((VIDEOS / name).read_bytes()[: 6000 if name == "mjpeg.avi" else 1400])
+    with pytest.raises(InputError, match="is cut off before the end of its first frame"):
+        read(path)
+
+
 def test_damage_within_costs_the_frames_it_hits(tmp_path: Path) -> None:
     damaged = tmp_path / "damaged.avi"
     data = bytearray((VIDEOS / "mjpeg.avi").read_bytes())
@@ -167,6 +196,23 @@ def test_a_turned_video_is_shown_upright_and_told() -> None:
     assert images[0].shape == (96, 64, 3)
     assert any("turned anticlockwise" in line for line in said)
     assert any("turned anticlockwise" in line for line in describe(VIDEOS / "rotated.mp4")[1])
+
+
+def test_a_slanted_turn_is_left_and_told() -> None:
+    _, images, said = read(VIDEOS / "slanted.mp4")
+    assert np.array_equal(images, read(VIDEOS / "plain.mp4")[1])
+    assert len(said) == 1
+    assert "taken as stored; the file asks players to show them turned anticlockwise by 45 degrees" in said[0]
+    assert describe(VIDEOS / "slanted.mp4")[1] == said
+
+
+def test_pixels_that_are_not_square_are_told() -> None:
+    _, images, said = read(VIDEOS / "stretched.mp4")  # 96x64 as 2:1
+    assert images[0].shape == (64, 96, 3)
+    assert len(said) == 1
+    assert "pixels are not square, but 1.333 times as wide as high; frames are taken as stored" in said[0]
+    assert "ffmpeg -i stretched.mp4 -vf" in said[0]
+    assert describe(VIDEOS / "stretched.mp4")[1] == said
 
 
 def test_the_preview_is_not_taken_for_the_video() -> None:
