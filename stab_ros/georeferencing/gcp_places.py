@@ -10,7 +10,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import inside
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.control_points import ControlPoints
-from stab_ros.georeferencing.local_frame import FARTHEST_M, LOCAL, LocalFrame, crs_doubt
+from stab_ros.georeferencing.local_frame import FARTHEST_M, LOCAL, LocalFrame, crs_doubt, metres_per_unit
 
 WGS84 = "EPSG:4326"
 _LIKE_A_GRID = 20_000.0  # coordinates above it are those of a projected system
@@ -34,7 +34,8 @@ class PlacedPoints:
 
 
 def placed(names: tuple[str, ...], image_px: FloatArray, places: FloatArray, crs: str | None, *,
-           geographic: bool = False, frame: LocalFrame | None = None, level_m: float | None = None) -> PlacedPoints:
+           geographic: bool = False, in_metres: bool = False, frame: LocalFrame | None = None,
+           level_m: float | None = None) -> PlacedPoints:
     """Puts surveyed points into the map.
 
     Args:
@@ -43,6 +44,7 @@ def placed(names: tuple[str, ...], image_px: FloatArray, places: FloatArray, crs
         places: (N, 3), easting, northing, height, or longitude, latitude, height; a height may be NaN.
         crs: "EPSG:nnnn", "local", or None: WGS 84 for latitudes and longitudes, else local.
         geographic: whether `places` are longitudes and latitudes.
+        in_metres: whether eastings and northings are metres, whatever the unit of the reference system.
         frame: the map; None: one whose origin lies amid the points, at height 0, so that up is the height as surveyed.
         level_m: height of points without one.
 
@@ -53,7 +55,7 @@ def placed(names: tuple[str, ...], image_px: FloatArray, places: FloatArray, crs
     if geographic and name.lower() == LOCAL:
         raise InputError(f"latitudes and longitudes are not local, their reference system must be {WGS84} or another")
     heights = np.where(np.isfinite(places[:, 2]), places[:, 2], 0.0 if level_m is None else level_m)
-    full = np.column_stack([places[:, :2], heights])
+    full = np.column_stack([places[:, :2] / (metres_per_unit(name) if in_metres else 1), heights])
     doubts = _doubts(name, full)
     if level_m is None and not np.isfinite(places[:, 2]).all():
         doubts.append("points without a height are taken to lie at 0 m; give the water surface elevation")

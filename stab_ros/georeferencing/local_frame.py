@@ -186,6 +186,20 @@ def crs_doubt(crs: int | str) -> str | None:
     return f"{name} needs a grid that is not installed to fit WGS 84 exactly, it does so {within}"
 
 
+def metres_per_unit(crs: int | str) -> float:
+    """Metres of the unit of eastings and northings; 1 for "local".
+
+    Raises:
+        InputError: the system is unknown, or has longitudes and latitudes.
+    """
+    name = _name(crs)
+    if name == LOCAL:
+        return 1.0
+    if _crs(name).is_geographic:
+        raise InputError(f"{name} has longitudes and latitudes in degrees, coordinates must not be lengths")
+    return float(_crs(name).axis_info[0].unit_conversion_factor)
+
+
 def projected_code(crs: int | str) -> int:
     """The EPSG code of a projected reference system.
 

@@ -95,6 +95,24 @@ def test_points_of_a_reference_system_give_the_camera_in_true_metres(
     assert lat_lon_height[2] == pytest.approx(height, abs=0.3)
 
 
+@pytest.mark.parametrize(("crs", "unit_m"), [("local", 0.3048), ("EPSG:2227", 1200 / 3937), ("EPSG:32632", 0.3048)])
+def test_feet_of_the_header_give_the_camera_in_metres_whatever_the_unit_of_the_system(
+        crs: str, unit_m: float, tmp_path: Path, frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    away = {"local": [0, 0, 0], "EPSG:2227": [1_850_000.0, 640_000, 0], "EPSG:32632": [457_000, 4_950_000, 0]}[crs]
+    unit = "US ft" if unit_m != 0.3048 else "ft"
+    gcps = table(tmp_path / "g.csv", POINTS, (POINTS.map_m + away) / [unit_m, unit_m, 0.3048],
+                 f"X [{unit}],Y [{unit}],Z [ft]")
+    out = tmp_path / "camera.yaml"
+    said = warnings_of(capsys, gcps, "--image", frame, "--crs", crs, "-o", out)
+    assert f"X [{unit}], Y [{unit}], Z [ft] read in the unit that the header names, and made metres" in said
+    file = read_camera_file(out)
+    assert file.pose is not None
+    assert file.pose.position_m[2] == pytest.approx(SCENE.view.pose.position_m[2], abs=0.3)
+    if file.frame is not None:
+        place = file.frame.to_crs(crs, file.pose.position_m[None])[0] * (unit_m if crs == "EPSG:2227" else 1)
+        assert place[:2] == pytest.approx(SCENE.view.pose.position_m[:2] + away[:2], abs=0.5)
+
+
 def test_known_camera_plane_and_nominal_profile(tmp_path: Path, frame: Path,
                                                 capsys: pytest.CaptureFixture[str]) -> None:
     gcps = table(tmp_path / "g.csv", POINTS)
