@@ -62,8 +62,22 @@ def placed(names: tuple[str, ...], image_px: FloatArray, places: FloatArray, crs
     if name.lower() == LOCAL:
         _check_near(names, full)
         return PlacedPoints(ControlPoints(names, image_px, full), LOCAL, None, tuple(doubts))
-    frame = frame or LocalFrame.at(name, np.append(full[:, :2].mean(axis=0), 0.0))
-    return PlacedPoints(ControlPoints(names, image_px, frame.from_crs(name, full)), name, frame, tuple(doubts))
+    frame = frame or _frame_amid(name, full)
+    points = ControlPoints(names, image_px, frame.from_crs(name, full), _swapped(name, full))
+    return PlacedPoints(points, name, frame, tuple(doubts))
+
+
+def _frame_amid(crs: str, places: FloatArray) -> LocalFrame:
+    return LocalFrame.at(crs, np.append(places[:, :2].mean(axis=0), 0.0))
+
+
+def _swapped(crs: str, places: FloatArray) -> FloatArray | None:
+    """Where in a map the points (N, 3) would lie, were their first two coordinates swapped; None: nowhere."""
+    other = places[:, [1, 0, 2]]
+    try:
+        return _frame_amid(crs, other).from_crs(crs, other)
+    except InputError:  # out of the range of the system
+        return None
 
 
 def _check_near(names: tuple[str, ...], map_m: FloatArray) -> None:

@@ -13,6 +13,8 @@ from pyproj import Transformer
 from stab_ros.cli import main
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.control_points import ControlPoints
+from stab_ros.imaging.pose import Pose
+from stab_ros.imaging.view import View
 from stab_ros.io.camera_file import CameraFile, read_camera_file, write_camera_file
 
 SCENE = Scene(relief_m=6)
@@ -98,9 +100,9 @@ def test_points_of_a_reference_system_give_the_camera_in_true_metres(
 @pytest.mark.parametrize(("crs", "unit_m"), [("local", 0.3048), ("EPSG:2227", 1200 / 3937), ("EPSG:32632", 0.3048)])
 def test_feet_of_the_header_give_the_camera_in_metres_whatever_the_unit_of_the_system(
         crs: str, unit_m: float, tmp_path: Path, frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    away = {"local": [0, 0, 0], "EPSG:2227": [1_850_000.0, 640_000, 0], "EPSG:32632": [457_000, 4_950_000, 0]}[crs]
+    away = np.array({"local": (0, 0, 0), "EPSG:2227": (1.85e6, 6.4e5, 0), "EPSG:32632": (4.57e5, 4.95e6, 0)}[crs])
     unit = "US ft" if unit_m != 0.3048 else "ft"
-    gcps = table(tmp_path / "g.csv", POINTS, (POINTS.map_m + away) / [unit_m, unit_m, 0.3048],
+    gcps = table(tmp_path / "g.csv", POINTS, (POINTS.map_m + away) / np.array([unit_m, unit_m, 0.3048]),
                  f"X [{unit}],Y [{unit}],Z [ft]")
     out = tmp_path / "camera.yaml"
     said = warnings_of(capsys, gcps, "--image", frame, "--crs", crs, "-o", out)
@@ -164,6 +166,31 @@ def test_swapped_latitude_and_longitude_are_said(relief_m: float, tmp_path: Path
     lat_lon = np.column_stack([46.2 + north / 111_160, 7.3 + east / 77_170, up])
     wrong = table(tmp_path / "g.csv", points, lat_lon, "lon,lat,height")
     assert "swapped" in refused(capsys, wrong, "--image", frame, "--camera", known)
+
+
+def test_swapped_latitude_and_longitude_are_said_without_a_camera_too(tmp_path: Path, frame: Path,
+                                                                     capsys: pytest.CaptureFixture[str]) -> None:
+    """Where degrees of both differ in length, so that swapped places are no mirror image."""
+    east, north, up = POINTS.map_m.T
+    lon_lat = np.column_stack([7.3 + east / 77_170, 46.2 + north / 111_160, up + 200])
+    gcps = table(tmp_path / "g.csv", POINTS, lon_lat, "lat,lon,height")
+    known = calibration(tmp_path / "c.yaml")
+    more: tuple[list[object], ...] = ([], ["--camera", known], ["--camera", known, "--height", 45])
+    for words in more:
+        line = refused(capsys, gcps, "--image", frame, *words)
+        assert "latitude and longitude) seem to be swapped: read so, the points fit within 0." in line
+
+
+def test_a_camera_below_all_points_is_refused_unless_the_water_is_below_it(tmp_path: Path, frame: Path,
+                                                                         capsys: pytest.CaptureFixture[str]) -> None:
+    lens = SCENE.view.camera
+    low = View(lens, Pose.of_angles(np.array([0.0, 0, 1]), 0.3, -0.35, 0.1))
+    places = np.array([[30.0, -5, 6], [40, 20, 12], [25, 8, 9], [35, 15, 30], [30, 0, 18], [45, 5, 20], [28, 14, 4]])
+    points = ControlPoints(tuple("ABCDEFG"), low.project(places), places)
+    gcps, known = table(tmp_path / "g.csv", points), calibration(tmp_path / "c.yaml")
+    line = refused(capsys, gcps, "--image", frame, "--camera", known)
+    assert "the points put the camera at 1.00 m, below all of them (the lowest at 4.00 m)" in line
+    assert "below all of them" in warnings_of(capsys, gcps, "--image", frame, "--camera", known, "--wse", 0)
 
 
 def test_feet_are_said(tmp_path: Path, frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
