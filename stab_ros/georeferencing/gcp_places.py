@@ -14,6 +14,8 @@ from stab_ros.georeferencing.local_frame import FARTHEST_M, LOCAL, LocalFrame, c
 
 WGS84 = "EPSG:4326"
 _LIKE_A_GRID = 20_000.0  # coordinates above it are those of a projected system
+_LIKE_DEGREES = 0.02  # extent below which coordinates are no metres; in degrees it is about 2 km
+_AWAY = 5.0  # from 0, in extents, where degrees are and a model on a table is not
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +63,7 @@ def placed(names: tuple[str, ...], image_px: FloatArray, places: FloatArray, crs
         doubts.append("points without a height are taken to lie at 0 m; give the water surface elevation")
     if name.lower() == LOCAL:
         _check_near(names, full)
+        _check_metres(full)
         return PlacedPoints(ControlPoints(names, image_px, full), LOCAL, None, tuple(doubts))
     frame = frame or _frame_amid(name, full)
     points = ControlPoints(names, image_px, frame.from_crs(name, full), _swapped(name, full))
@@ -87,6 +90,17 @@ def _check_near(names: tuple[str, ...], map_m: FloatArray) -> None:
     if not away_m[farthest] < FARTHEST_M:
         raise InputError(f"control point {names[farthest]!r} is {away_m[farthest] / 1e3:.4g} km away from the others, "
                          f"at most {FARTHEST_M / 1e3:g} km make sense; coordinates must be metres")
+
+
+def _check_metres(places: FloatArray) -> None:
+    """Raises InputError for places (N, 3) that are degrees."""
+    extent = float(np.ptp(places[:, :2], axis=0).max())
+    first, second = np.abs(places[:, :2]).max(axis=0)
+    in_range = min(first, second) <= 90 and max(first, second) <= 180
+    if 0 < extent < _LIKE_DEGREES and in_range and max(first, second) > _AWAY * extent:
+        raise InputError(f"coordinates as {places[0, 0]:.9g}, {places[0, 1]:.9g}, all within {extent:.2g} of each "
+                         "other, look like degrees, they must be metres; name their columns lat and lon, or give the "
+                         f"reference system, as {WGS84}")
 
 
 def check_inside(points: ControlPoints, size: tuple[int, int]) -> None:

@@ -27,6 +27,7 @@ _UNIT = re.compile(r"(.*?)[ _]*(?:[\[(] *(.*?) *[\])]|(?<=[ _])"
                    re.DOTALL | re.IGNORECASE)
 _CASED = {"x": "px", "y": "py", "X": "east", "Y": "north", "Z": "up"}
 _IN_PIXELS, _IN_LENGTHS = {"x": "px", "y": "py"}, {"x": "east", "y": "north", "z": "up"}
+_LONGEST = 100  # header, where longer ones have no meaning
 _PIXELS = re.compile(r"pix|px", re.IGNORECASE)
 _DEGREES = re.compile(r"deg|°|dec|dd|wgs", re.IGNORECASE)
 
@@ -99,7 +100,8 @@ def meaning(header: str) -> str:
 
 def _split(header: str) -> tuple[str, str]:
     """Name and unit of a column: in brackets, or after the last space or _."""
-    parts = _UNIT.fullmatch(" ".join(header.split()).strip('" '))
+    text = " ".join(header.split()).strip('" ')
+    parts = _UNIT.fullmatch(text) if len(text) < _LONGEST else None
     return (parts[1], parts[2] or parts[3] or "") if parts else (header, "")
 
 

@@ -181,6 +181,20 @@ def test_swapped_latitude_and_longitude_are_said_without_a_camera_too(tmp_path: 
         assert "latitude and longitude) seem to be swapped: read so, the points fit within 0." in line
 
 
+@pytest.mark.parametrize("words", [[], ["--plane"]])
+def test_degrees_are_not_taken_for_metres(words: list[str], tmp_path: Path, frame: Path,
+                                          capsys: pytest.CaptureFixture[str]) -> None:
+    flat = Scene(relief_m=0).points(8, 0.2, np.random.default_rng(2))
+    east, north, up = flat.map_m.T
+    degrees = np.column_stack([7.3 + east / 77_170, 46.2 + north / 111_160, up])
+    for columns in ([0, 1, 2], [1, 0, 2]):
+        gcps = table(tmp_path / "g.csv", flat, degrees[:, columns])
+        assert "look like degrees, they must be metres; name their columns lat and lon" in refused(
+            capsys, gcps, "--image", frame, *words)
+    small = table(tmp_path / "s.csv", flat, flat.map_m / 1e4)  # a model on a table
+    assert "degrees, they must" not in warnings_of(capsys, small, "--image", frame, "--plane")
+
+
 def test_a_camera_below_all_points_is_refused_unless_the_water_is_below_it(tmp_path: Path, frame: Path,
                                                                          capsys: pytest.CaptureFixture[str]) -> None:
     lens = SCENE.view.camera
