@@ -45,10 +45,14 @@ def fit_as_read(points: ControlPoints, size: tuple[int, int], fit_to: Fitter,
         raise InputError(f"{error}; {advised}" if advised else str(error)) from error
     reading = another_reading(points, size, fit, fit_to)
     if reading:
-        without = f" without {', '.join(fit.wrong)}" if fit.wrong else ""
-        raise InputError(f"{reading}, and as they are within {fit.rmse_px:.2g} px{without}"
-                         f"{', with the camera below them' if below_points(fit) else ''}")
+        raise InputError(f"{reading}, and as they are {_as_read(fit)}")
     return fit
+
+
+def _as_read(fit: Fit) -> str:
+    without = f" without {', '.join(fit.wrong)}" if fit.wrong else ""
+    below = ", but with the camera below all of them" if below_points(fit) else ""
+    return f"within {fit.rmse_px:.2g} px{without}{below}"
 
 
 def another_reading(points: ControlPoints, size: tuple[int, int], fit: Fit | None, fit_again: Fitter

@@ -10,7 +10,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import inside
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.control_points import ControlPoints
-from stab_ros.georeferencing.local_frame import FARTHEST_M, LOCAL, LocalFrame, crs_doubt, metres_per_unit
+from stab_ros.georeferencing.local_frame import FARTHEST_M, LOCAL, LocalFrame, area_doubt, crs_doubt, metres_per_unit
 
 WGS84 = "EPSG:4326"
 _LIKE_A_GRID = 20_000.0  # coordinates above it are those of a projected system
@@ -67,6 +67,8 @@ def placed(names: tuple[str, ...], image_px: FloatArray, places: FloatArray, crs
         return PlacedPoints(ControlPoints(names, image_px, full), LOCAL, None, tuple(doubts))
     frame = frame or _frame_amid(name, full)
     points = ControlPoints(names, image_px, frame.from_crs(name, full), _swapped(name, full))
+    beside = area_doubt(name, frame.to_geodetic(points.map_m.mean(axis=0)[None])[0])
+    doubts += [beside] if beside else []
     return PlacedPoints(points, name, frame, tuple(doubts))
 
 

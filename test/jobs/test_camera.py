@@ -115,6 +115,18 @@ def test_feet_of_the_header_give_the_camera_in_metres_whatever_the_unit_of_the_s
         assert place[:2] == pytest.approx(SCENE.view.pose.position_m[:2] + away[:2], abs=0.5)
 
 
+def test_coordinates_far_from_where_the_system_is_used_are_doubted(tmp_path: Path, frame: Path,
+                                                                  capsys: pytest.CaptureFixture[str]) -> None:
+    known = calibration(tmp_path / "c.yaml")
+    feet = POINTS.map_m / np.array([1200 / 3937, 1200 / 3937, 1])
+    right, wrong = (table(tmp_path / name, POINTS, feet + np.array(away)) for name, away in (
+        ("right.csv", [6.07e6, 2.1e6, 0]), ("wrong.csv", [1.85e6, 6.4e5, 0])))  # feet, and the same in metres
+    base = ("--image", frame, "--camera", known, "--crs", "EPSG:2227")
+    assert "is used elsewhere: they must be its easting and northing, in the unit US survey foot" in warnings_of(
+        capsys, wrong, *base)
+    assert "used elsewhere" not in warnings_of(capsys, right, *base)
+
+
 def test_known_camera_plane_and_nominal_profile(tmp_path: Path, frame: Path,
                                                 capsys: pytest.CaptureFixture[str]) -> None:
     gcps = table(tmp_path / "g.csv", POINTS)
