@@ -19,6 +19,8 @@ class ControlPoints:
         names: of each.
         image_px: (N, 2) float64, pixels of the image as taken.
         map_m: (N, 3) float64, east, north and up in the map.
+        swapped_m: (N, 3) float64, as `map_m`, were the first two coordinates of the survey read the other way round;
+            None: east and north are those.
 
     Raises:
         InputError: the shapes differ, a number is not finite, or two points have one name.
@@ -27,6 +29,7 @@ class ControlPoints:
     names: tuple[str, ...]
     image_px: FloatArray
     map_m: FloatArray
+    swapped_m: FloatArray | None = None
 
     def __post_init__(self) -> None:
         n = len(self.names)
@@ -45,4 +48,11 @@ class ControlPoints:
     def where(self, chosen: BoolArray) -> ControlPoints:
         """The points for which `chosen`, (N,), is true."""
         names = tuple(name for name, yes in zip(self.names, chosen, strict=True) if yes)
-        return ControlPoints(names, self.image_px[chosen], self.map_m[chosen])
+        swapped_m = None if self.swapped_m is None else self.swapped_m[chosen]
+        return ControlPoints(names, self.image_px[chosen], self.map_m[chosen], swapped_m)
+
+    @property
+    def swapped(self) -> ControlPoints:
+        """The points, the first two coordinates of the survey read the other way round."""
+        swapped_m = self.map_m[:, [1, 0, 2]] if self.swapped_m is None else self.swapped_m
+        return ControlPoints(self.names, self.image_px, swapped_m)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import TypeAlias
 
 import numpy as np
 
@@ -17,8 +18,45 @@ _LARGE = 0.005  # residuals, as a share of the width of the picture, from which 
 _EXACT = 0.002  # and those that another reading must reach
 
 
-def another_reading(points: ControlPoints, size: tuple[int, int], fit: CameraFit | PlaneFit | None,
-                    fit_again: Callable[[ControlPoints], CameraFit | PlaneFit]) -> str | None:
+Fit: TypeAlias = CameraFit | PlaneFit
+Fitter: TypeAlias = Callable[[ControlPoints], Fit]
+
+
+def fit_as_read(points: ControlPoints, size: tuple[int, int], fit_to: Fitter,
+                advice: Callable[[], str | None] = lambda: None) -> Fit:
+    """The fit to points, unless another way to read them explains that it is bad.
+
+    Args:
+        points: as read.
+        size: width and height of the picture, px.
+        fit_to: the fit to points.
+        advice: what helps where none is possible, and no other way to read them explains that.
+
+    Raises:
+        InputError: none is possible, or another reading fits far better.
+    """
+    try:
+        fit = fit_to(points)
+    except InputError as error:
+        reading = another_reading(points, size, None, fit_to)
+        if reading:
+            raise InputError(f"{reading}; as they are: {error}") from error
+        advised = advice()
+        raise InputError(f"{error}; {advised}" if advised else str(error)) from error
+    reading = another_reading(points, size, fit, fit_to)
+    if reading:
+        raise InputError(f"{reading}, and as they are {_as_read(fit)}")
+    return fit
+
+
+def _as_read(fit: Fit) -> str:
+    without = f" without {', '.join(fit.wrong)}" if fit.wrong else ""
+    below = ", but with the camera below all of them" if below_points(fit) else ""
+    return f"within {fit.rmse_px:.2g} px{without}{below}"
+
+
+def another_reading(points: ControlPoints, size: tuple[int, int], fit: Fit | None, fit_again: Fitter
+                    ) -> str | None:
     """The way to read the coordinates that explains a bad fit, in one line; None: the fit is good, or nothing does.
 
     Args:
@@ -26,14 +64,13 @@ def another_reading(points: ControlPoints, size: tuple[int, int], fit: CameraFit
         size: width and height of the picture, px.
         fit: to them; None: it was refused.
         fit_again: the same fit to other points.
-
     """
-    below = fit is not None and _below(fit)
+    below = fit is not None and below_points(fit)
     if fit is not None and not below and len(fit.wrong) < 2 and fit.rmse_px < _LARGE * size[0]:
         return None
     for text, other in _readings(points, size):
         again = _tried(fit_again, other)
-        if again is None or again.wrong or _below(again) or again.rmse_px > _EXACT * size[0]:
+        if again is None or again.wrong or below_points(again) or again.rmse_px > _EXACT * size[0]:
             continue
         if below or fit is None or again.rmse_px < fit.rmse_px / _BETTER or len(fit.wrong) >= 2:
             return f"{text}: read so, the points fit within {again.rmse_px:.2g} px"
@@ -42,8 +79,7 @@ def another_reading(points: ControlPoints, size: tuple[int, int], fit: CameraFit
 
 def _readings(points: ControlPoints, size: tuple[int, int]) -> Iterator[tuple[str, ControlPoints]]:
     names, px, map_m = points.names, points.image_px, points.map_m
-    yield ("east and north (or latitude and longitude) seem to be swapped",
-           ControlPoints(names, px, map_m[:, [1, 0, 2]]))
+    yield "east and north (or latitude and longitude) seem to be swapped", points.swapped
     yield "heights seem to be in feet and places in metres", ControlPoints(names, px, map_m * [1, 1, FOOT_M])
     yield "heights seem to be in metres and places in feet", ControlPoints(names, px, map_m * [FOOT_M, FOOT_M, 1])
     yield ("y seems to be counted from the bottom of the picture, it must be from the top",
@@ -52,16 +88,22 @@ def _readings(points: ControlPoints, size: tuple[int, int]) -> Iterator[tuple[st
         yield "x and y in the picture seem to be swapped", ControlPoints(names, px[:, ::-1], map_m)
 
 
-def _tried(fit_again: Callable[[ControlPoints], CameraFit | PlaneFit], points: ControlPoints
-           ) -> CameraFit | PlaneFit | None:
+def _tried(fit_again: Fitter, points: ControlPoints) -> Fit | None:
     try:
         return fit_again(points)
     except InputError:  # such a reading makes no sense
         return None
 
 
-def _below(fit: CameraFit | PlaneFit) -> bool:
+def below_points(fit: Fit) -> bool:
     """Whether the camera would look up at all points."""
     if isinstance(fit, PlaneFit):
         return False
     return bool((fit.points.map_m[fit.used, 2] > fit.view.pose.position_m[2]).all())
+
+
+def below_text(fit: CameraFit) -> str:
+    """That the camera would look up at all points, in one line."""
+    lowest_m = float(fit.points.map_m[fit.used, 2].min())
+    return (f"the points put the camera at {fit.view.pose.position_m[2]:.2f} m, below all of them (the lowest at "
+            f"{lowest_m:.2f} m); pixels and places must belong together, and heights must be positive upwards")

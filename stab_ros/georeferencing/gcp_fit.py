@@ -12,6 +12,7 @@ from stab_ros.core.geometry import normalized
 from stab_ros.core.types import FloatArray, Homography
 from stab_ros.georeferencing.camera_fit import CameraFit, fit_camera, fit_pose
 from stab_ros.georeferencing.control_points import ControlPoints
+from stab_ros.georeferencing.coordinate_checks import below_points, below_text, fit_as_read
 from stab_ros.georeferencing.gcp_places import check_inside
 from stab_ros.georeferencing.plane_fit import LEAST_POINTS, PlaneFit, fit_plane
 from stab_ros.georeferencing.point_noise import PointNoise
@@ -92,34 +93,50 @@ def fit_gcps(config: GeoreferenceConfig, camera: Camera, calibrated: bool, gcps:
         gcps: the points, their pixels as taken.
 
     Raises:
-        InputError: a point lies outside the image, the points do not tell where it lies, or the water would be above
-            the camera.
+        InputError: a point lies outside the image, the points do not tell where it lies or fit far better if read in
+            another way, or the water would be above the camera.
     """
     check_inside(gcps, camera.size)
+    fit = fit_as_read(gcps, camera.size, lambda points: _fitted(config, camera, calibrated, points))
+    if isinstance(fit, PlaneFit):
+        return GcpFit(fit, camera, False, (*fit.warnings, *_off_plane(config, fit)))
+    height_m = _height(config, fit)
+    below = (below_text(fit),) if below_points(fit) else ()
+    return GcpFit(fit, fit.view.camera, True, (*fit.warnings, *below, *_height_warning(config.height_m, height_m)))
+
+
+def _fitted(config: GeoreferenceConfig, camera: Camera, calibrated: bool, gcps: ControlPoints) -> CameraFit | PlaneFit:
+    """The pose, or else the camera, or else the plane of the points."""
     noise = PointNoise(config.gcp_sigma_px, config.gcp_sigma_m)
     if calibrated:
-        return _checked(config, fit_pose(gcps, camera, noise=noise))
+        return fit_pose(gcps, camera, noise=noise)
     try:
-        return _checked(config, fit_camera(gcps, camera.size, noise=noise))
+        fit = fit_camera(gcps, camera.size, noise=noise)
+        _height(config, fit)
     except InputError:
         if len(gcps) < LEAST_POINTS:
             raise
-    plane = fit_plane(gcps, noise=noise)
+        return fit_plane(gcps, noise=noise)
+    return fit
+
+
+def _off_plane(config: GeoreferenceConfig, plane: PlaneFit) -> tuple[str, ...]:
+    """That the plane of the points is not that of the water, if so."""
     off_m = plane.wse_m - config.wse_m
-    extent_m = float(np.ptp(gcps.map_m[:, :2], axis=0).max())
-    off = () if abs(off_m) < _OFF_PLANE * extent_m else (
+    extent_m = float(np.ptp(plane.points.map_m[:, :2], axis=0).max())
+    return () if abs(off_m) < _OFF_PLANE * extent_m else (
         f"the control points lie {off_m:.2f} m above the water, and without the calibration of the camera their plane "
         "stands for it",)
-    return GcpFit(plane, camera, False, (*plane.warnings, *off))
 
 
-def _checked(config: GeoreferenceConfig, fit: CameraFit) -> GcpFit:
+def _height(config: GeoreferenceConfig, fit: CameraFit) -> float:
+    """Height of the camera above the water, m; raises InputError where that is above it."""
     height_m = float(fit.view.pose.position_m[2]) - config.wse_m
     if not height_m > 0:
         raise InputError(f"wse_m: the water surface at {config.wse_m:g} m is not below the camera, which the control "
                          f"points place at {height_m + config.wse_m:.2f} m; check that both have one height datum, and "
                          "metres")
-    return GcpFit(fit, fit.view.camera, True, (*fit.warnings, *_height_warning(config.height_m, height_m)))
+    return height_m
 
 
 def _height_warning(given_m: float, fitted_m: float) -> tuple[str, ...]:

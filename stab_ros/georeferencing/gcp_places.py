@@ -10,10 +10,12 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import inside
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.control_points import ControlPoints
-from stab_ros.georeferencing.local_frame import FARTHEST_M, LOCAL, LocalFrame, crs_doubt
+from stab_ros.georeferencing.local_frame import FARTHEST_M, LOCAL, LocalFrame, area_doubt, crs_doubt, metres_per_unit
 
 WGS84 = "EPSG:4326"
 _LIKE_A_GRID = 20_000.0  # coordinates above it are those of a projected system
+_LIKE_DEGREES = 0.02  # extent below which coordinates are no metres; in degrees it is about 2 km
+_AWAY = 5.0  # from 0, in extents, where degrees are and a model on a table is not
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +36,8 @@ class PlacedPoints:
 
 
 def placed(names: tuple[str, ...], image_px: FloatArray, places: FloatArray, crs: str | None, *,
-           geographic: bool = False, frame: LocalFrame | None = None, level_m: float | None = None) -> PlacedPoints:
+           geographic: bool = False, in_metres: bool = False, frame: LocalFrame | None = None,
+           level_m: float | None = None) -> PlacedPoints:
     """Puts surveyed points into the map.
 
     Args:
@@ -43,6 +46,7 @@ def placed(names: tuple[str, ...], image_px: FloatArray, places: FloatArray, crs
         places: (N, 3), easting, northing, height, or longitude, latitude, height; a height may be NaN.
         crs: "EPSG:nnnn", "local", or None: WGS 84 for latitudes and longitudes, else local.
         geographic: whether `places` are longitudes and latitudes.
+        in_metres: whether eastings and northings are metres, whatever the unit of the reference system.
         frame: the map; None: one whose origin lies amid the points, at height 0, so that up is the height as surveyed.
         level_m: height of points without one.
 
@@ -53,15 +57,32 @@ def placed(names: tuple[str, ...], image_px: FloatArray, places: FloatArray, crs
     if geographic and name.lower() == LOCAL:
         raise InputError(f"latitudes and longitudes are not local, their reference system must be {WGS84} or another")
     heights = np.where(np.isfinite(places[:, 2]), places[:, 2], 0.0 if level_m is None else level_m)
-    full = np.column_stack([places[:, :2], heights])
+    full = np.column_stack([places[:, :2] / (metres_per_unit(name) if in_metres else 1), heights])
     doubts = _doubts(name, full)
     if level_m is None and not np.isfinite(places[:, 2]).all():
         doubts.append("points without a height are taken to lie at 0 m; give the water surface elevation")
     if name.lower() == LOCAL:
         _check_near(names, full)
+        _check_metres(full)
         return PlacedPoints(ControlPoints(names, image_px, full), LOCAL, None, tuple(doubts))
-    frame = frame or LocalFrame.at(name, np.append(full[:, :2].mean(axis=0), 0.0))
-    return PlacedPoints(ControlPoints(names, image_px, frame.from_crs(name, full)), name, frame, tuple(doubts))
+    frame = frame or _frame_amid(name, full)
+    points = ControlPoints(names, image_px, frame.from_crs(name, full), _swapped(name, full))
+    beside = area_doubt(name, frame.to_geodetic(points.map_m.mean(axis=0)[None])[0])
+    doubts += [beside] if beside else []
+    return PlacedPoints(points, name, frame, tuple(doubts))
+
+
+def _frame_amid(crs: str, places: FloatArray) -> LocalFrame:
+    return LocalFrame.at(crs, np.append(places[:, :2].mean(axis=0), 0.0))
+
+
+def _swapped(crs: str, places: FloatArray) -> FloatArray | None:
+    """Where in a map the points (N, 3) would lie, were their first two coordinates swapped; None: nowhere."""
+    other = places[:, [1, 0, 2]]
+    try:
+        return _frame_amid(crs, other).from_crs(crs, other)
+    except InputError:  # out of the range of the system
+        return None
 
 
 def _check_near(names: tuple[str, ...], map_m: FloatArray) -> None:
@@ -71,6 +92,17 @@ def _check_near(names: tuple[str, ...], map_m: FloatArray) -> None:
     if not away_m[farthest] < FARTHEST_M:
         raise InputError(f"control point {names[farthest]!r} is {away_m[farthest] / 1e3:.4g} km away from the others, "
                          f"at most {FARTHEST_M / 1e3:g} km make sense; coordinates must be metres")
+
+
+def _check_metres(places: FloatArray) -> None:
+    """Raises InputError for places (N, 3) that are degrees."""
+    extent = float(np.ptp(places[:, :2], axis=0).max())
+    first, second = np.abs(places[:, :2]).max(axis=0)
+    in_range = min(first, second) <= 90 and max(first, second) <= 180
+    if 0 < extent < _LIKE_DEGREES and in_range and max(first, second) > _AWAY * extent:
+        raise InputError(f"coordinates as {places[0, 0]:.9g}, {places[0, 1]:.9g}, all within {extent:.2g} of each "
+                         "other, look like degrees, they must be metres; name their columns lat and lon, or give the "
+                         f"reference system, as {WGS84}")
 
 
 def check_inside(points: ControlPoints, size: tuple[int, int]) -> None:

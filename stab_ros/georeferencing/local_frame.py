@@ -20,6 +20,7 @@ from pyproj.transformer import TransformerGroup
 from stab_ros.core.errors import InputError
 from stab_ros.core.types import FloatArray
 
+_BESIDE_DEG = 3.0  # beyond the area of a system, where it may still be used
 LOCAL = "local"  # the name of no reference system: coordinates are taken as they are
 FARTHEST_M = 100_000.0  # from the origin of the map; what is farther away is taken for an error
 _STEP_M = 50.0  # of the derivative of a projection
@@ -184,6 +185,38 @@ def crs_doubt(crs: int | str) -> str | None:
     accuracy = group.transformers[0].accuracy
     within = f"within {accuracy:g} m" if accuracy >= 0 else "within some metres"
     return f"{name} needs a grid that is not installed to fit WGS 84 exactly, it does so {within}"
+
+
+def area_doubt(crs: int | str, lat_lon_height: FloatArray) -> str | None:
+    """That a place lies far from where a reference system is used, in one line, as one in metres for a system in feet.
+
+    Args:
+        crs: as for `LocalFrame.from_crs`.
+        lat_lon_height: (3,), degrees and m, of the place.
+    """
+    system, (lat, lon) = _crs(_name(crs)), lat_lon_height[:2]
+    area = system.area_of_use
+    if area is None:
+        return None
+    east_of_west, wide = (lon - area.west + _BESIDE_DEG) % 360, (area.east - area.west) % 360 or 360
+    if area.south - _BESIDE_DEG <= lat <= area.north + _BESIDE_DEG and east_of_west <= wide + 2 * _BESIDE_DEG:
+        return None
+    return (f"the coordinates lie at {lat:.2f}, {lon:.2f} (latitude, longitude) by {_name(crs)} ({system.name}), which "
+            f"is used elsewhere: they must be its easting and northing, in the unit {system.axis_info[0].unit_name}")
+
+
+def metres_per_unit(crs: int | str) -> float:
+    """Metres of the unit of eastings and northings; 1 for "local".
+
+    Raises:
+        InputError: the system is unknown, or has longitudes and latitudes.
+    """
+    name = _name(crs)
+    if name == LOCAL:
+        return 1.0
+    if _crs(name).is_geographic:
+        raise InputError(f"{name} has longitudes and latitudes in degrees, coordinates must not be lengths")
+    return float(_crs(name).axis_info[0].unit_conversion_factor)
 
 
 def projected_code(crs: int | str) -> int:

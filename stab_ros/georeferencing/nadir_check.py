@@ -16,6 +16,7 @@ from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.camera_fit import fit_pose
 from stab_ros.georeferencing.control_points import ControlPoints
+from stab_ros.georeferencing.coordinate_checks import another_reading, below_points, below_text
 from stab_ros.georeferencing.point_noise import PointNoise
 from stab_ros.georeferencing.settings import GeoreferenceConfig
 from stab_ros.georeferencing.unit_checks import is_feet
@@ -88,6 +89,9 @@ def doubts_of_nadir(config: GeoreferenceConfig, camera: Camera, gcps: ControlPoi
         camera: that took it.
         gcps: the points.
         found: how they place the view.
+
+    Raises:
+        ConfigError: they fit far better if read in another way, as with east and north swapped.
     """
     sigma_m = math.hypot(config.gcp_sigma_m, config.gcp_sigma_px * found.gsd_m)
     square = float(np.sum(found.residuals_m**2)) / sigma_m**2
@@ -101,10 +105,16 @@ def _why(config: GeoreferenceConfig, camera: Camera, gcps: ControlPoints, found:
     """What the points tell of the pose, where they are enough for it."""
     if len(gcps) < _LEAST_TO_FIT:
         return ""
+    noise = PointNoise(config.gcp_sigma_px, config.gcp_sigma_m)
     try:
-        fit = fit_pose(gcps, camera, noise=PointNoise(config.gcp_sigma_px, config.gcp_sigma_m))
+        fit = fit_pose(gcps, camera, noise=noise)
     except InputError:
         return ""
+    reading = another_reading(gcps, camera.size, fit, lambda points: fit_pose(points, camera, noise=noise))
+    if reading:
+        raise ConfigError(f"the control points are none of a nadir view: {reading}")
+    if below_points(fit):
+        return f"; {below_text(fit)}"
     pose = fit.view.pose
     tilt_deg = math.degrees(math.acos(min(1.0, float(-pose.cam_R_map[2, 2]))))
     heights = [float(p.position_m[2] - np.mean(gcps.map_m[:, 2])) for p in (pose, found.pose)]

@@ -39,7 +39,7 @@ class StationaryNadir:
             gcps: control points; None: there are none.
 
         Raises:
-            ConfigError: without `height_m`, or by points that are too few or above the camera.
+            ConfigError: without `height_m`, or by points that are too few, above the camera or swapped.
         """
         if not config.height_m:
             raise ConfigError("stationary_nadir needs height_m, the height of the camera above the water in metres")

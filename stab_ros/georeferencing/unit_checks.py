@@ -17,7 +17,7 @@ _LIKE_FEET = 0.08  # relative difference of a ratio from that of foot and metre
 
 def is_feet(ratio: float) -> bool:
     """Whether two lengths of this ratio differ by that of a foot and a metre, or a metre and a foot."""
-    return abs(abs(math.log(ratio)) - math.log(1 / FOOT_M)) < math.log(1 + _LIKE_FEET)
+    return ratio > 0 and abs(abs(math.log(ratio)) - math.log(1 / FOOT_M)) < math.log(1 + _LIKE_FEET)
 
 
 def length_doubt(what: str, fitted_m: float, given_m: float) -> str | None:

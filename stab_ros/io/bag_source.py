@@ -12,7 +12,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.text import are, counted
 from stab_ros.core.types import Frame
 from stab_ros.imaging.camera import Camera
-from stab_ros.io.bag import BagReader, Extra, Message
+from stab_ros.io.bag import BagReader, Extra, Message, Topic
 from stab_ros.io.camera_message import read_camera
 from stab_ros.io.cdr import CAMERA_INFO, COMPRESSED_IMAGE
 from stab_ros.io.frame_reader import DEFAULT_FPS, MAX_FPS

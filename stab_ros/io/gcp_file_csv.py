@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,11 +11,13 @@ import numpy as np
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.text import counted, one_line
-from stab_ros.io.gcp_file_table import FORM, MOST_POINTS, GcpTable, meaning
+from stab_ros.io.gcp_file_table import FORM, MOST_POINTS, Column, GcpTable, column_of
 from stab_ros.io.typed_table import COMMA_ADVICE, Row, cells_of, finite_at, number_in, separator_of
 
 _KLT_IV_COLUMNS = ("east", "north", "up", "px", "py")
+_KLT_IV_METRES = tuple(Column(what, unit="" if what in ("px", "py") else "m") for what in _KLT_IV_COLUMNS)
 _BARE = ("px", "py", "east", "north", "up")
+_DECIMAL_COMMA = re.compile(r"[-+]?\d*,(?!\d{3}$)\d+")  # no comma between thousands
 
 
 def of_csv(path: Path, text: str) -> GcpTable:
@@ -37,9 +40,12 @@ def of_csv(path: Path, text: str) -> GcpTable:
     rows = [(n, cells_of(path, n, line, separator, FORM)) for n, line in lines]
     if any(row[0].lower() == "frame" for _, row in rows[:3]):
         return _of_frames(path, rows)
+    if any(_DECIMAL_COMMA.fullmatch(cell) for _, row in rows for cell in row):
+        separator = ";"  # commas within quotes separate no columns
     columns, rows = _columns(path, rows, separator)
     table = _table(path, columns, rows, separator)
-    return _of_klt_iv(table) if columns == _KLT_IV_COLUMNS and "px]" in lines[0][1] else table
+    klt_iv = tuple(column.meaning for column in columns) == _KLT_IV_COLUMNS and "px]" in lines[0][1]
+    return _of_klt_iv(table) if klt_iv else table
 
 
 def _of_frames(path: Path, rows: list[Row]) -> GcpTable:
@@ -48,7 +54,7 @@ def _of_frames(path: Path, rows: list[Row]) -> GcpTable:
     end = starts[1] if len(starts) > 1 else len(rows)
     block = [(n, row) for n, row in rows[starts[0] + 1 : end] if any(row)]
     others = (f"{path}: points of {len(starts)} frames, the first is taken",) if len(starts) > 1 else ()
-    table = _of_klt_iv(_table(path, _KLT_IV_COLUMNS, block, ","))
+    table = _of_klt_iv(_table(path, _KLT_IV_METRES, block, ","))
     return replace(table, remarks=(*others, *table.remarks))
 
 
@@ -57,42 +63,68 @@ def _of_klt_iv(table: GcpTable) -> GcpTable:
     return replace(table, image_px=table.image_px - 1, remarks=(*table.remarks, remark))
 
 
-def _columns(path: Path, rows: list[Row], separator: str) -> tuple[tuple[str, ...], list[Row]]:
+def _columns(path: Path, rows: list[Row], separator: str) -> tuple[tuple[Column, ...], list[Row]]:
     """What each column holds, and the rows below the header."""
     first = rows[0][1]
     if sum(number_in(cell, separator) is not None for cell in first) >= len(_BARE) - 1:
         if len(first) not in (5, 6):
             raise InputError(f"{path}: {counted(len(first), 'column')} without a header, the first line must be {FORM}"
                              f"{_comma_advice(first, separator)}")
-        return ("name", *_BARE)[6 - len(first):], rows
-    columns = tuple(meaning(cell) for cell in first)
-    known = [column for column in columns if column]
-    twice = next((column for column in known if known.count(column) > 1), None)
+        return tuple(Column(what) for what in ("name", *_BARE)[6 - len(first):]), rows
+    columns = _by_headers(path, first)
+    known = [column.meaning for column in columns if column.meaning]
+    twice = next((what for what in known if known.count(what) > 1), None)
     if twice:
-        names = " and ".join(one_line(cell) for cell, column in zip(first, columns, strict=True) if column == twice)
+        names = " and ".join(one_line(column.header) for column in columns if column.meaning == twice)
         raise InputError(f"{path}: the columns {names} mean the same, the first line must be {FORM}")
-    missing = [what for what in ("px", "py") if what not in columns]
-    if missing or not ({"east", "north"} <= set(columns) or {"lat", "lon"} <= set(columns)):
+    missing = [what for what in ("px", "py") if what not in known]
+    if missing or not ({"east", "north"} <= set(known) or {"lat", "lon"} <= set(known)):
         found = one_line(",".join(first))[:120]
         what = "pixels" if missing else "places"
         raise InputError(f"{path}: no columns of {what} in {found!r}, the first line must be {FORM}")
     return columns, rows[1:]
 
 
-def _table(path: Path, columns: Sequence[str], rows: list[Row], separator: str) -> GcpTable:
-    at = {what: i for i, what in enumerate(columns) if what}
+def _by_headers(path: Path, headers: Sequence[str]) -> tuple[Column, ...]:
+    try:
+        return tuple(column_of(header) for header in headers)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _table(path: Path, columns: Sequence[Column], rows: list[Row], separator: str) -> GcpTable:
+    at = {column.meaning: i for i, column in enumerate(columns) if column.meaning}
     geographic = "lat" in at and "lon" in at and "east" not in at
     wanted = ["px", "py", *(("lon", "lat") if geographic else ("east", "north")), *(["up"] if "up" in at else [])]
     points = [(row, [_cell(path, n, row, at[what], separator, len(columns)) for what in wanted])
               for n, row in rows if any(row)]
     if not points:
         raise InputError(f"{path}: holds no point; below the first line there must be at least one")
-    numbers = np.array([values for _, values in points])
+    used = [columns[at[what]] for what in wanted]
+    if used[2].metres != used[3].metres:
+        east, north = (one_line(column.header) for column in used[2:4])
+        raise InputError(f"{path}: the columns {east} and {north} must be in one unit")
+    numbers = np.array([values for _, values in points]) * [column.metres for column in used]
     places = numbers[:, 2:] if "up" in at else np.column_stack([numbers[:, 2:], np.full(len(points), np.nan)])
     named = at.get("name")
     names = tuple((row[named] if named is not None and named < len(row) else "") or f"G{i}"
                   for i, (row, _) in enumerate(points, 1))
-    return GcpTable(names, numbers[:, :2], places, geographic)
+    remarks = (*_converted(used), *_ignored(columns))
+    return GcpTable(names, numbers[:, :2], places, geographic, None, remarks, any(c.unit for c in used[2:4]))
+
+
+def _converted(columns: Sequence[Column]) -> tuple[str, ...]:
+    """Which columns were no metres."""
+    named = ", ".join(one_line(column.header) for column in columns if column.metres != 1)
+    return (f"{named} read in the unit that the header names, and made metres",) if named else ()
+
+
+def _ignored(columns: Sequence[Column]) -> tuple[str, ...]:
+    """Columns among which that of the heights may be, where no other is."""
+    unknown = [one_line(column.header)[:40] for column in columns if not column.meaning and column.header]
+    if any(column.meaning == "up" for column in columns) or not unknown:
+        return ()
+    return (f"there is no column of heights, as Z or height; not read: {', '.join(unknown)}",)
 
 
 def _cell(path: Path, line: int, row: list[str], at: int, separator: str, columns: int) -> float:

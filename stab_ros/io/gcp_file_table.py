@@ -5,7 +5,10 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from stab_ros.core.errors import InputError
+from stab_ros.core.text import one_line
 from stab_ros.core.types import FloatArray
+from stab_ros.io.length_units import LENGTHS_TEXT, metres_of
 
 FORM = "name,x,y,X,Y,Z (pixels, then east, north, up), or name,x,y,lat,lon,height"
 MOST_POINTS = 10_000
@@ -19,9 +22,14 @@ _PLACES = {  # header, in small letters and without units: what it holds
     "ele": "up", "map_z": "up", "z_map": "up",
     "lat": "lat", "latitude": "lat", "lon": "lon", "lng": "lon", "long": "lon", "longitude": "lon", "longtitude": "lon",
 }
-_UNIT = re.compile(r"(.*?) ?(?:[\[(](.*)[\])])?", re.DOTALL)
+_UNIT = re.compile(r"(.*?)[ _]*(?:[\[(] *(.*?) *[\])]|(?<=[ _])"
+                   r"(px|pix|pixels?|deg|degrees?|m|meters?|metres?|cm|mm|km|ft|feet|foot|us ?ft|ft ?us))?",
+                   re.DOTALL | re.IGNORECASE)
 _CASED = {"x": "px", "y": "py", "X": "east", "Y": "north", "Z": "up"}
-_IN_PIXELS, _IN_METRES = {"x": "px", "y": "py"}, {"x": "east", "y": "north", "z": "up"}
+_IN_PIXELS, _IN_LENGTHS = {"x": "px", "y": "py"}, {"x": "east", "y": "north", "z": "up"}
+_LONGEST = 100  # header, where longer ones have no meaning
+_PIXELS = re.compile(r"pix|px", re.IGNORECASE)
+_DEGREES = re.compile(r"deg|°|dec|dd|wgs", re.IGNORECASE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +39,12 @@ class GcpTable:
     Attributes:
         names: of each; G1, G2, ... where the file has none.
         image_px: (N, 2) float64, as written, but KLT-IV's less 1.
-        places: (N, 3) float64: east, north, up in the units of the reference system; longitude, latitude, height where
-            `geographic`; the third is NaN where the file has no heights.
+        places: (N, 3) float64: east, north, up, metres where the file names a unit, else in that of the reference
+            system; longitude, latitude, height where `geographic`; the third is NaN where the file has no heights.
         geographic: whether the file has latitudes and longitudes.
         crs: "EPSG:nnnn" where the file names one.
         remarks: how it was read, where that is not plain: one line each.
+        in_metres: whether the file names the units of east and north, which are metres here.
     """
 
     names: tuple[str, ...]
@@ -44,14 +53,64 @@ class GcpTable:
     geographic: bool = False
     crs: str | None = None
     remarks: tuple[str, ...] = ()
+    in_metres: bool = False
+
+
+@dataclass(frozen=True)
+class Column:
+    """What a column holds.
+
+    Attributes:
+        meaning: name, px, py, east, north, up, lat or lon; "" for what is not known.
+        metres: of one unit of a length, and 1 for all else.
+        unit: as written; "" where none is.
+        header: as written.
+    """
+
+    meaning: str
+    metres: float = 1.0
+    unit: str = ""
+    header: str = ""
+
+
+def column_of(header: str) -> Column:
+    """What a column holds, by its header.
+
+    Raises:
+        InputError: its unit is none of what it holds.
+    """
+    what, unit = meaning(header), _split(header)[1]
+    if what in ("east", "north", "up"):
+        return Column(what, _factor(header, unit), unit, header)
+    units, right = {"px": (_PIXELS, "px"), "py": (_PIXELS, "px"), "lat": (_DEGREES, "degrees"),
+                    "lon": (_DEGREES, "degrees")}.get(what, (None, ""))
+    if units is not None and unit and not units.match(unit):
+        raise _unknown(header, right)
+    return Column(what, header=header)
 
 
 def meaning(header: str) -> str:
-    """What a column or property holds: name, px, py, east, north, up, lat or lon; "" for what is not known."""
-    parts = _UNIT.fullmatch(" ".join(header.split()).strip('" '))
-    bare, unit = parts.groups() if parts else (header, None)
-    if unit and unit.lower().startswith(("px", "pix")):
-        return _IN_PIXELS.get(bare.lower(), "")
-    if unit and unit.lower().startswith("m"):
-        return _IN_METRES.get(bare.lower()) or _PLACES.get(bare.lower(), "")
-    return _CASED.get(bare) or _PLACES.get(bare.lower().replace(" ", "_"), "")
+    """What a column or property holds, as of `Column`."""
+    bare, unit = _split(header)
+    what = _CASED.get(bare) or _PLACES.get(bare.lower().replace(" ", "_"), "")
+    if _PIXELS.match(unit):
+        return _IN_PIXELS.get(bare.lower()) or (what if what in ("px", "py") else "")
+    return _IN_LENGTHS.get(bare.lower(), what) if metres_of(unit) else what
+
+
+def _split(header: str) -> tuple[str, str]:
+    """Name and unit of a column: in brackets, or after the last space or _."""
+    text = " ".join(header.split()).strip('" ')
+    parts = _UNIT.fullmatch(text) if len(text) < _LONGEST else None
+    return (parts[1], parts[2] or parts[3] or "") if parts else (header, "")
+
+
+def _factor(header: str, unit: str) -> float:
+    metres = metres_of(unit) if unit else 1.0
+    if metres is None:
+        raise _unknown(header, LENGTHS_TEXT)
+    return metres
+
+
+def _unknown(header: str, right: str) -> InputError:
+    return InputError(f"the column {one_line(header)[:60]!r} is in a unit that is not known, it must be {right}")

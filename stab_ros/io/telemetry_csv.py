@@ -23,12 +23,10 @@ from stab_ros.core.progress import Progress
 from stab_ros.core.text import counted, one_line
 from stab_ros.core.types import FloatArray
 from stab_ros.io.date_time import DAY_NS, find_date, time_of_day_ns
+from stab_ros.io.length_units import LENGTHS
 from stab_ros.io.srt_telemetry import attitude_of
 from stab_ros.io.telemetry_record import Record, Recorded
 
-LENGTHS: Mapping[str, float] = MappingProxyType({
-    "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048,
-    "feet": 0.3048})
 ANGLES: Mapping[str, float] = MappingProxyType({
     "deg": 1.0, "degree": 1.0, "degrees": 1.0, "°": 1.0, "rad": math.degrees(1), "radian": math.degrees(1),
     "radians": math.degrees(1)})

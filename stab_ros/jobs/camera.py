@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.camera_fit import CameraFit, fit_camera, fit_pose
 from stab_ros.georeferencing.camera_problem import KnownPosition, Unknowns
 from stab_ros.georeferencing.control_points import ControlPoints
-from stab_ros.georeferencing.coordinate_checks import another_reading
+from stab_ros.georeferencing.coordinate_checks import Fitter, below_points, below_text, fit_as_read
 from stab_ros.georeferencing.gcp_places import PlacedPoints, check_inside, placed
 from stab_ros.georeferencing.leave_one_out import leave_one_out
 from stab_ros.georeferencing.plane_fit import PlaneFit, fit_plane
@@ -89,13 +89,13 @@ def fit_from_files(job: CameraJob) -> FittedCamera:
     table, size = read_gcps(job.gcps), image_size(job.image)
     known, said = camera_for(job.camera, size) if job.camera else (None, [])
     where = placed(table.names, table.image_px, table.places, job.crs or table.crs, geographic=table.geographic,
-                   level_m=job.wse_m)
+                   in_metres=table.in_metres, level_m=job.wse_m)
     check_inside(where.points, size)
     position = _position(job, table, where)
     doubts = _position_doubts(job, where.points, position, _fitter(job, size, known, None))
     fit = _fitted(job, where.points, size, _fitter(job, size, known, position), doubts)
     _check_water(job, fit)
-    doubts += _length_doubts(job, fit)
+    doubts += _below_doubts(job, fit) + _length_doubts(job, fit)
     warnings = [*table.remarks, *where.doubts, *said, *fit.warnings, *doubts]
     return FittedCamera(fit, _file(job, fit, where, known), leave_one_out(fit), tuple(warnings))
 
@@ -121,9 +121,6 @@ def image_size(path: Path) -> tuple[int, int]:
     return image.shape[1], image.shape[0]
 
 
-Fitter = Callable[[ControlPoints], CameraFit | PlaneFit]
-
-
 def _fitter(job: CameraJob, size: tuple[int, int], known: CameraFile | None, position: KnownPosition | None) -> Fitter:
     """The fit that is asked for, as a function of points."""
     camera = known.camera if known else None
@@ -147,17 +144,11 @@ def _fitter(job: CameraJob, size: tuple[int, int], known: CameraFile | None, pos
 
 def _fitted(job: CameraJob, points: ControlPoints, size: tuple[int, int], fit_to: Fitter, doubts: Sequence[str]
             ) -> CameraFit | PlaneFit:
-    """The fit, and what explains that it is bad."""
+    """The fit, or what explains that it is bad."""
     try:
-        fit = fit_to(points)
+        return fit_as_read(points, size, fit_to, lambda: _plane_instead(job, points))
     except InputError as error:
-        why = [*doubts, another_reading(points, size, None, fit_to) or _plane_instead(job, points)]
-        raise InputError("; ".join([f"{job.gcps}: {error}", *(text for text in why if text)])) from error
-    reading = another_reading(points, size, fit, fit_to)
-    if reading:
-        without = f" without {', '.join(fit.wrong)}" if fit.wrong else ""
-        raise InputError(f"{job.gcps}: {reading}, and as they are within {fit.rmse_px:.2g} px{without}")
-    return fit
+        raise InputError("; ".join([f"{job.gcps}: {error}", *doubts])) from error
 
 
 def _plane_instead(job: CameraJob, points: ControlPoints) -> str | None:
@@ -184,6 +175,15 @@ def _check_water(job: CameraJob, fit: CameraFit | PlaneFit) -> None:
         up_m = fit.view.pose.position_m[2]
         raise InputError(f"the water surface at {job.wse_m:g} m is not below the camera, which the points put at "
                          f"{up_m:.2f} m; both must have one height datum, and metres")
+
+
+def _below_doubts(job: CameraJob, fit: CameraFit | PlaneFit) -> list[str]:
+    """Doubts a camera below all points; raises InputError unless the water is known to be below it."""
+    if isinstance(fit, PlaneFit) or not below_points(fit):
+        return []
+    if job.wse_m is None:
+        raise InputError(f"{job.gcps}: {below_text(fit)}; if it is so, give the water surface elevation")
+    return [below_text(fit)]
 
 
 def _length_doubts(job: CameraJob, fit: CameraFit | PlaneFit) -> list[str]:

@@ -75,6 +75,25 @@ def test_water_or_points_above_the_camera_are_refused() -> None:
         _by_points(_pose(90), height_m=0.8)
 
 
+@pytest.mark.parametrize("swapped_m", [None, PLACES])
+def test_swapped_points_are_said(swapped_m: FloatArray | None) -> None:
+    config = GeoreferenceConfig(orientation="stationary_nadir", height_m=46.0)
+    seen = _gcps(_pose(90))
+    gcps = ControlPoints(seen.names, seen.image_px, PLACES[:, [1, 0, 2]], swapped_m)
+    with pytest.raises(InputError, match=r"none of a nadir view: east and north .* swapped: read so, the points fit"):
+        make_orientation(config, CAMERA, True, gcps)
+
+
+def test_points_that_put_the_camera_below_them_are_said() -> None:
+    config = GeoreferenceConfig(orientation="stationary_nadir", height_m=46.0)
+    upward = View(CAMERA, Pose.of_angles(np.array([100.0, 200, -46]), 0.4, -math.pi / 2, 0.0))
+    gcps = ControlPoints(tuple("ABCDE"), upward.project(PLACES), PLACES)
+    orientation = make_orientation(config, CAMERA, True, gcps)
+    answer = Georeferencer(config, CAMERA, orientation, Sensors(0.0)).frame(FRAME).placement
+    assert answer is not None
+    assert "the points put the camera at -46.00 m, below all of them (the lowest at 0.00 m)" in answer.warnings[0]
+
+
 def _flight(orientation: str, pitch_deg: float, sway_m: float, frames: int = 30) -> Georeferenced:
     """The last answer of a drone in gusts, its homographies with a noise of 0.05 px."""
     config = GeoreferenceConfig(orientation=orientation, height_m=46.0)

@@ -56,6 +56,35 @@ def test_tables_of_klt_iv_have_no_names_and_count_pixels_from_one(text: str, tmp
     assert any("counted from 1" in remark for remark in table.remarks)
 
 
+@pytest.mark.parametrize(("head", "metres"), [
+    ("X (ft),Y (ft),Z (ft)", (0.3048, 0.3048, 0.3048)), ("X [mm],Y [mm],Z [mm]", (0.001, 0.001, 0.001)),
+    ("X [km],Y [km],Z [km]", (1000, 1000, 1000)), ("X,Y,Z [ft]", (1, 1, 0.3048)), ("X,Y,Z_ft", (1, 1, 0.3048)),
+    ("Easting [US ft],Northing [US ft],Z [m]", (1200 / 3937, 1200 / 3937, 1)), ("E_ft,N_ft,h ft", (0.3048,) * 3),
+    ("X (m),Y (m),Z [m a.s.l.]", (1, 1, 1)), ("x [Feet],y [Feet],elevation (masl)", (0.3048, 0.3048, 1)),
+])
+def test_units_of_the_header_become_metres_and_are_said(head: str, metres: tuple[float, ...], tmp_path: Path) -> None:
+    table = read_gcps(written(tmp_path / "g.csv", f"name,u [px],v_px,{head}\nA,1,2,100,-200,3\n"))
+    np.testing.assert_allclose(table.places, [np.array([100, -200, 3]) * metres], rtol=1e-15)
+    assert np.array_equal(table.image_px, [[1, 2]])
+    assert any("made metres" in remark for remark in table.remarks) == (set(metres) != {1})
+    assert table.in_metres == ("X,Y" not in head)
+
+
+def test_decimal_commas_within_quotes(tmp_path: Path) -> None:
+    text = 'name,x,y,X,Y,Z\nA,"10,5",20,"1,25","2,5","0,5"\nB,1800,"900,25",30,-40,1\nC,400,500,7,8,"9,75"\n'
+    table = read_gcps(written(tmp_path / "g.csv", text))
+    assert np.array_equal(table.image_px, PX)
+    assert np.array_equal(table.places, PLACES)
+    with pytest.raises(InputError, match="'1,250' is no number"):  # it may be a thousand
+        read_gcps(written(tmp_path / "g.csv", 'name,x,y,X,Y,Z\nA,10,20,"1,250",2,0\n'))
+
+
+def test_columns_that_may_hold_the_heights_are_named(tmp_path: Path) -> None:
+    table = read_gcps(written(tmp_path / "g.csv", "name,x,y,X,Y,Hoehe\nA,1,2,3,4,5\n"))
+    assert np.isnan(table.places[0, 2])
+    assert table.remarks == ("there is no column of heights, as Z or height; not read: Hoehe",)
+
+
 def test_latitude_and_longitude(tmp_path: Path) -> None:
     table = read_gcps(written(tmp_path / "g.csv", "name,x,y,lat,lon\nA,1,2,46.1,7.2\nB,3,4,46.2,7.3\n"))
     assert table.geographic
@@ -89,6 +118,10 @@ def test_geojson(tmp_path: Path) -> None:
     ("name,X,Y,Z\nA,1,2,3\n", "no columns of pixels"),
     ("name,x,y\nA,1,2\n", "no columns of places"),
     ("x,y,east,X,Y,Z\n1,2,3,4,5,6\n", "the columns east and X mean the same"),
+    ("name,x,y,X [furlong],Y,Z\nA,1,2,3,4,5\n", r"the column 'X \[furlong\]' is in a unit that is not known, .* ft"),
+    ("name,x [%],y [%],X,Y,Z\nA,1,2,3,4,5\n", r"the column 'x \[%\]' is in a unit that is not known, it must be px"),
+    ("name,x,y,lat (rad),lon (rad)\nA,1,2,3,4\n", r"'lat \(rad\)' is in a unit that is not known, .* degrees"),
+    ("name,x,y,X (ft),Y,Z\nA,1,2,3,4,5\n", r"the columns X \(ft\) and Y must be in one unit"),
     ("1,2,3,4\n", "4 columns without a header|no columns of pixels"),
     ("{", "is no GeoJSON"),
     ('{"type": "FeatureCollection", "features": [{"type": "Feature"}]}', "feature 1 is no control point"),

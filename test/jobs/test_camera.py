@@ -13,6 +13,8 @@ from pyproj import Transformer
 from stab_ros.cli import main
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.control_points import ControlPoints
+from stab_ros.imaging.pose import Pose
+from stab_ros.imaging.view import View
 from stab_ros.io.camera_file import CameraFile, read_camera_file, write_camera_file
 
 SCENE = Scene(relief_m=6)
@@ -95,6 +97,36 @@ def test_points_of_a_reference_system_give_the_camera_in_true_metres(
     assert lat_lon_height[2] == pytest.approx(height, abs=0.3)
 
 
+@pytest.mark.parametrize(("crs", "unit_m"), [("local", 0.3048), ("EPSG:2227", 1200 / 3937), ("EPSG:32632", 0.3048)])
+def test_feet_of_the_header_give_the_camera_in_metres_whatever_the_unit_of_the_system(
+        crs: str, unit_m: float, tmp_path: Path, frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    away = np.array({"local": (0, 0, 0), "EPSG:2227": (1.85e6, 6.4e5, 0), "EPSG:32632": (4.57e5, 4.95e6, 0)}[crs])
+    unit = "US ft" if unit_m != 0.3048 else "ft"
+    gcps = table(tmp_path / "g.csv", POINTS, (POINTS.map_m + away) / np.array([unit_m, unit_m, 0.3048]),
+                 f"X [{unit}],Y [{unit}],Z [ft]")
+    out = tmp_path / "camera.yaml"
+    said = warnings_of(capsys, gcps, "--image", frame, "--crs", crs, "-o", out)
+    assert f"X [{unit}], Y [{unit}], Z [ft] read in the unit that the header names, and made metres" in said
+    file = read_camera_file(out)
+    assert file.pose is not None
+    assert file.pose.position_m[2] == pytest.approx(SCENE.view.pose.position_m[2], abs=0.3)
+    if file.frame is not None:
+        place = file.frame.to_crs(crs, file.pose.position_m[None])[0] * (unit_m if crs == "EPSG:2227" else 1)
+        assert place[:2] == pytest.approx(SCENE.view.pose.position_m[:2] + away[:2], abs=0.5)
+
+
+def test_coordinates_far_from_where_the_system_is_used_are_doubted(tmp_path: Path, frame: Path,
+                                                                  capsys: pytest.CaptureFixture[str]) -> None:
+    known = calibration(tmp_path / "c.yaml")
+    feet = POINTS.map_m / np.array([1200 / 3937, 1200 / 3937, 1])
+    right, wrong = (table(tmp_path / name, POINTS, feet + np.array(away)) for name, away in (
+        ("right.csv", [6.07e6, 2.1e6, 0]), ("wrong.csv", [1.85e6, 6.4e5, 0])))  # feet, and the same in metres
+    base = ("--image", frame, "--camera", known, "--crs", "EPSG:2227")
+    assert "is used elsewhere: they must be its easting and northing, in the unit US survey foot" in warnings_of(
+        capsys, wrong, *base)
+    assert "used elsewhere" not in warnings_of(capsys, right, *base)
+
+
 def test_known_camera_plane_and_nominal_profile(tmp_path: Path, frame: Path,
                                                 capsys: pytest.CaptureFixture[str]) -> None:
     gcps = table(tmp_path / "g.csv", POINTS)
@@ -146,6 +178,45 @@ def test_swapped_latitude_and_longitude_are_said(relief_m: float, tmp_path: Path
     lat_lon = np.column_stack([46.2 + north / 111_160, 7.3 + east / 77_170, up])
     wrong = table(tmp_path / "g.csv", points, lat_lon, "lon,lat,height")
     assert "swapped" in refused(capsys, wrong, "--image", frame, "--camera", known)
+
+
+def test_swapped_latitude_and_longitude_are_said_without_a_camera_too(tmp_path: Path, frame: Path,
+                                                                     capsys: pytest.CaptureFixture[str]) -> None:
+    """Where degrees of both differ in length, so that swapped places are no mirror image."""
+    east, north, up = POINTS.map_m.T
+    lon_lat = np.column_stack([7.3 + east / 77_170, 46.2 + north / 111_160, up + 200])
+    gcps = table(tmp_path / "g.csv", POINTS, lon_lat, "lat,lon,height")
+    known = calibration(tmp_path / "c.yaml")
+    more: tuple[list[object], ...] = ([], ["--camera", known], ["--camera", known, "--height", 45])
+    for words in more:
+        line = refused(capsys, gcps, "--image", frame, *words)
+        assert "latitude and longitude) seem to be swapped: read so, the points fit within 0." in line
+
+
+@pytest.mark.parametrize("words", [[], ["--plane"]])
+def test_degrees_are_not_taken_for_metres(words: list[str], tmp_path: Path, frame: Path,
+                                          capsys: pytest.CaptureFixture[str]) -> None:
+    flat = Scene(relief_m=0).points(8, 0.2, np.random.default_rng(2))
+    east, north, up = flat.map_m.T
+    degrees = np.column_stack([7.3 + east / 77_170, 46.2 + north / 111_160, up])
+    for columns in ([0, 1, 2], [1, 0, 2]):
+        gcps = table(tmp_path / "g.csv", flat, degrees[:, columns])
+        assert "look like degrees, they must be metres; name their columns lat and lon" in refused(
+            capsys, gcps, "--image", frame, *words)
+    small = table(tmp_path / "s.csv", flat, flat.map_m / 1e4)  # a model on a table
+    assert "degrees, they must" not in warnings_of(capsys, small, "--image", frame, "--plane")
+
+
+def test_a_camera_below_all_points_is_refused_unless_the_water_is_below_it(tmp_path: Path, frame: Path,
+                                                                         capsys: pytest.CaptureFixture[str]) -> None:
+    lens = SCENE.view.camera
+    low = View(lens, Pose.of_angles(np.array([0.0, 0, 1]), 0.3, -0.35, 0.1))
+    places = np.array([[30.0, -5, 6], [40, 20, 12], [25, 8, 9], [35, 15, 30], [30, 0, 18], [45, 5, 20], [28, 14, 4]])
+    points = ControlPoints(tuple("ABCDEFG"), low.project(places), places)
+    gcps, known = table(tmp_path / "g.csv", points), calibration(tmp_path / "c.yaml")
+    line = refused(capsys, gcps, "--image", frame, "--camera", known)
+    assert "the points put the camera at 1.00 m, below all of them (the lowest at 4.00 m)" in line
+    assert "below all of them" in warnings_of(capsys, gcps, "--image", frame, "--camera", known, "--wse", 0)
 
 
 def test_feet_are_said(tmp_path: Path, frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
