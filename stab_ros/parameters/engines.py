@@ -23,7 +23,7 @@ from stab_ros.io.gcp_file import read_gcps
 from stab_ros.io.points import read_points, read_tracking_points
 from stab_ros.io.regions import read_area
 from stab_ros.io.static_maps import read_static_map
-from stab_ros.parameters.table import GEOREFERENCE_PARAMETERS, evaluator_config, georeference_config, stabilizer_config
+from stab_ros.parameters.table import evaluator_config, georeference_config, stabilizer_config
 from stab_ros.tracking.stabilizer import Stabilizer
 
 if TYPE_CHECKING:  # imported where needed: with scipy they cost as much as all that a tracker needs
@@ -74,15 +74,13 @@ def make_evaluator(values: Mapping[str, Value]) -> Evaluator:
     return Evaluator(evaluator_config(values), points, read_area(values))
 
 
-_WSE = GEOREFERENCE_PARAMETERS["wse_m"]
-
-
 def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size: tuple[int, int],
                        image_H_ref: Homography | None = None) -> Georeferencer:
     """Makes the engine of georeferencing from parameters.
 
     Args:
-        values: parameters of georeferencing by name; the others keep their defaults.
+        values: parameters of georeferencing by name; the others keep their defaults, `wse_m` that of the file of the
+            camera.
         camera: that takes the images, unless `camera_file` names another; None: of unknown calibration.
         size: width and height of the images as taken, px.
         image_H_ref: (3, 3), for images that are stabilised already: from pixels of the reference to those of the image;
@@ -99,8 +97,7 @@ def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size:
     from stab_ros.georeferencing.sensors import Sensors
 
     file, remarks = camera_of(values, size)
-    given = values.get("wse_m", _WSE.default) != _WSE.default
-    if file is not None and file.wse_m is not None and not given:
+    if file is not None and file.wse_m is not None and "wse_m" not in values:
         values = {**values, "wse_m": file.wse_m}
     config = georeference_config(values)
     camera = camera if file is None else file.camera
