@@ -73,6 +73,18 @@ class LocalFrame:
         lon, lat, height = _transformed(self._topocentric, np.asarray(map_m, float), _INVERSE).T
         return np.column_stack([lat, lon, height])
 
+    def from_map(self, other: LocalFrame) -> tuple[FloatArray, FloatArray]:
+        """The way from another map to this one, which turns it, too: meridians converge, and the Earth is round.
+
+        Returns:
+            R (3, 3) and t (3,), m: a point p of the other map lies at R p + t in this one.
+
+        Raises:
+            InputError: its origin is farther from this one than `FARTHEST_M`, or swapped.
+        """
+        origin = np.array([[other.latitude_deg, other.longitude_deg, other.height_m]])
+        return self._earth_R_map.T @ other._earth_R_map, self.from_geodetic(origin)[0]
+
     def from_crs(self, crs: int | str, points: FloatArray) -> FloatArray:
         """Points of a reference system in the map.
 
@@ -132,6 +144,14 @@ class LocalFrame:
         outline = np.asarray(outline_m, float)
         exact = self.to_crs(crs, outline)[:, :2]
         return float(np.linalg.norm(outline[:, :2] @ affine[:, :2].T + affine[:, 2] - exact, axis=1).max())
+
+    @property
+    def _earth_R_map(self) -> FloatArray:
+        """(3, 3), from the axes of the map to those of the Earth-centred system (EPSG method 9837)."""
+        lat, lon = np.radians([self.latitude_deg, self.longitude_deg])
+        east = [-np.sin(lon), np.cos(lon), 0]
+        north = [-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)]
+        return np.column_stack([east, north, np.cross(east, north)])
 
     @functools.cached_property
     def _topocentric(self) -> Transformer:

@@ -17,7 +17,7 @@ from stab_ros.evaluation.evaluator import Evaluator
 from stab_ros.georeferencing.local_frame import LOCAL, LocalFrame
 from stab_ros.georeferencing.settings import GeoreferenceConfig, numbers_of
 from stab_ros.imaging.camera import Camera
-from stab_ros.io.camera_file import CameraFile, read_camera_file
+from stab_ros.io.camera_file import CameraFile, moved_to, read_camera_file
 from stab_ros.io.camera_profiles import camera_for, profiles
 from stab_ros.io.gcp_file import read_gcps
 from stab_ros.io.points import read_points, read_tracking_points
@@ -97,6 +97,7 @@ def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size:
     from stab_ros.georeferencing.sensors import Sensors
 
     file, remarks = camera_of(values, size)
+    file = None if file is None else moved_to(origin_of(values), file)
     if file is not None and file.wse_m is not None and "wse_m" not in values:
         values = {**values, "wse_m": file.wse_m}
     config = georeference_config(values)
@@ -190,10 +191,11 @@ def check_georeference(values: Mapping[str, Value]) -> None:
         InputError: as `make_georeferencer`; but whether control points fit the camera is not known yet.
     """
     georeference_config(values)
-    origin_of(values)
+    origin = origin_of(values)
     camera_file, gcps_file = str(values.get("camera_file", "")), str(values.get("gcps_file", ""))
     if camera_file and camera_file not in profiles():
-        read_camera_file(Path(camera_file))
+        file = read_camera_file(Path(camera_file))
+        moved_to(origin, file)
     if gcps_file:
         read_gcps(Path(gcps_file))
     elif not camera_file:
