@@ -336,6 +336,24 @@ class Fusion:
         return _Observation(prior.pose, (1 - self.settings.slow_share) * covariance * np.outer(times, times), L)
 
 
+def contradiction(prior: PosePrior, seen: tuple[Pose, FloatArray], unlikely: float) -> float | None:
+    """How many times as far apart as their sigmas say the poses by sensors and by control points are.
+
+    Args:
+        prior: of the sensors.
+        seen: pose by control points, and its covariance (6, 6).
+        unlikely: probability of a distance that is told.
+
+    Returns:
+        RMS of the six numbers; None: they agree, or the covariance of the sensors is not known.
+    """
+    if prior.covariance is None:
+        return None
+    off = _change(seen[0], prior.pose)
+    squared = float(off @ solved(prior.covariance + seen[1] + _SUREST, off))
+    return math.sqrt(squared / len(off)) if squared > chdtri(len(off), unlikely) else None
+
+
 def _view_m(c: FloatArray) -> float:
     """Half the side of a view whose points lie at c (8,), m: on such a way the ground in view changes."""
     return float(np.ptp(c[::2]) + np.ptp(c[1::2])) / 4

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stab_ros.core.errors import InputError
+from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.geometry import apply
 from stab_ros.core.settings import Value
 from stab_ros.core.types import Homography
 from stab_ros.evaluation.evaluator import Evaluator
 from stab_ros.georeferencing.local_frame import LOCAL, LocalFrame
-from stab_ros.georeferencing.settings import GeoreferenceConfig, numbers_of
+from stab_ros.georeferencing.settings import GeoreferenceConfig, needs_sensors, numbers_of
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.camera_file import CameraFile, moved_to, read_camera_file
 from stab_ros.io.camera_profiles import camera_for, profiles
@@ -107,6 +107,9 @@ def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size:
         known = Camera(known.K, np.zeros(0), "plumb_bob", known.size)
     gcps = _gcps_of(values, config, file, image_H_ref)
     sensors, frame = Sensors(config.time_offset_s), _frame_of(values, file, gcps)
+    if needs_sensors(config) and gcps is not None and frame is None:
+        raise ConfigError(f"{values['gcps_file']}: local control points and fixes of GPS need one map, give crs (the "
+                          "EPSG code of the points), or as origin where on the Earth their 0, 0, 0 lies")
     points = None if gcps is None else gcps.points
     pose = None if file is None or file.pose is None else (file.pose, file.pose_covariance)
     orientation = make_orientation(config, known, camera is not None, points, sensors, pose)

@@ -10,6 +10,7 @@ import pytest
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import apply, grid, jacobian
 from stab_ros.core.types import FloatArray, Frame
+from stab_ros.georeferencing.dynamic_gps_imu import DynamicGpsImu
 from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
 from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.georeferencing.orientation import Unplaced
@@ -146,6 +147,19 @@ def _between(samples: SensorSamples, after_ns: float, until_ns: float) -> Sensor
     return replace(
         samples, position_stamp_ns=samples.position_stamp_ns[position], position_m=samples.position_m[position],
         attitude_stamp_ns=samples.attitude_stamp_ns[attitude], map_q_body=samples.map_q_body[attitude])
+
+
+@pytest.mark.parametrize(("off_m", "agrees"), [(0.0, True), (0.04, True), (3.0, False), (500.0, False)])
+def test_control_points_that_contradict_the_sensors_are_left_out_and_that_is_said(off_m: float, agrees: bool) -> None:
+    sensors, place = Sensors(0.0), _pose_at(0.0)
+    by_points = (Pose(place.position_m + np.array([off_m, 0, 0]), place.cam_R_map), np.diag([1e-4] * 3 + [1e-8] * 3))
+    engine = Georeferencer(CONFIG, CAMERA, DynamicGpsImu(CONFIG, CAMERA, sensors, by_points), sensors)
+    _told(engine, _samples(PPK, 3))
+    for number in range(5):
+        answer = engine.frame(_frame(number), _motion(number))
+        said = () if answer.placement is None else answer.placement.warnings
+        assert any("control points and sensors contradict each other" in doubt for doubt in said) is not agrees
+        assert np.median(_errors_m(answer, number)) < 0.15
 
 
 def test_a_late_sensor_is_a_reason_and_homographies_go_on() -> None:

@@ -14,6 +14,7 @@ from stab_ros.core.types import Frame
 from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.pose import Pose
+from stab_ros.imaging.view import View
 from stab_ros.io.camera_file import CameraFile, write_camera_file
 from stab_ros.parameters.engines import check_georeference, make_georeferencer
 
@@ -63,3 +64,17 @@ def test_an_origin_far_from_the_pose_is_refused(tmp_path: Path) -> None:
         make_georeferencer(values, None, CAMERA.size)
     with pytest.raises(InputError, match="origin and camera file contradict"):
         check_georeference(values)
+
+
+def test_local_control_points_and_fixes_need_one_map(tmp_path: Path) -> None:
+    places_m = np.array([[-60.0, 40, 305], [60, 50, 306], [70, 160, 305], [-80, 150, 307], [5, 90, 305], [20, 60, 309]])
+    view = View(CAMERA, Pose.of_angles(np.array([2.0, -30, 425]), math.pi / 2, math.radians(50), 0.02))
+    rows = [f"G{k},{','.join(map(str, (*pixel, *place)))}" for k, (pixel, place) in enumerate(
+        zip(view.project(places_m), places_m, strict=True))]
+    (tmp_path / "gcps.csv").write_text("\n".join(["name,x,y,X,Y,Z", *rows]))
+    values: dict[str, Value] = {"orientation": "dynamic_gps_imu", "gcps_file": str(tmp_path / "gcps.csv"),
+                                "wse_m": 305.0}
+    with pytest.raises(InputError, match="local control points and fixes of GPS need one map, give crs"):
+        make_georeferencer(values, CAMERA, CAMERA.size)
+    engine = make_georeferencer({**values, "origin": "45, 8, 0"}, CAMERA, CAMERA.size)
+    assert engine.local_frame == LocalFrame(45, 8, 0)
