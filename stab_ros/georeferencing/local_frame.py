@@ -52,6 +52,12 @@ class LocalFrame:
         lon, lat, height = _transformed(_transformer(_name(crs)), np.asarray(point, float)[None])[0]
         return LocalFrame(float(lat), float(lon), float(height))
 
+    @property
+    def utm(self) -> str:
+        """The zone of UTM (WGS 84) around the origin, "EPSG:nnnnn"; those of Norway and Svalbard are not widened."""
+        zone = min(int((self.longitude_deg + 180) // 6) + 1, 60)
+        return f"EPSG:{(32600 if self.latitude_deg >= 0 else 32700) + zone}"
+
     def from_geodetic(self, lat_lon_height: FloatArray) -> FloatArray:
         """Points of WGS 84 in the map.
 
@@ -206,6 +212,16 @@ def crs_doubt(crs: int | str) -> str | None:
     return f"{name} needs a grid that is not installed to fit WGS 84 exactly, it does so {within}"
 
 
+def is_projected(crs: int | str) -> bool:
+    """Whether a reference system has eastings and northings, as an orthophoto needs them; "local" is none.
+
+    Raises:
+        InputError: it is unknown.
+    """
+    name = _name(crs)
+    return name != LOCAL and bool(_crs(name).is_projected)
+
+
 def projected_code(crs: int | str) -> int:
     """The EPSG code of a projected reference system.
 
@@ -213,7 +229,7 @@ def projected_code(crs: int | str) -> int:
         InputError: it is none.
     """
     name = _name(crs)
-    if name == LOCAL or not _crs(name).is_projected:
+    if not is_projected(name):
         raise InputError(f"{name} is no projected reference system, an orthophoto needs one, as EPSG:32632")
     return int(name.removeprefix("EPSG:"))
 

@@ -14,7 +14,7 @@ from stab_ros.core.geometry import apply
 from stab_ros.core.settings import Value
 from stab_ros.core.types import Homography
 from stab_ros.evaluation.evaluator import Evaluator
-from stab_ros.georeferencing.local_frame import LOCAL, LocalFrame
+from stab_ros.georeferencing.local_frame import LOCAL, LocalFrame, is_projected
 from stab_ros.georeferencing.settings import GeoreferenceConfig, needs_sensors, numbers_of
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.camera_file import CameraFile, moved_to, read_camera_file
@@ -154,7 +154,8 @@ def _gcps_of(values: Mapping[str, Value], config: GeoreferenceConfig, file: Came
     pixels = table.image_px if image_H_ref is None else apply(np.linalg.inv(image_H_ref), table.image_px)
     frame = origin_of(values) or (None if file is None else file.frame)
     try:
-        found = placed(table.names, pixels, table.places, table.crs if crs == LOCAL else crs,
+        of_orthophotos = crs == LOCAL or (table.geographic and is_projected(crs))  # and not of this table
+        found = placed(table.names, pixels, table.places, table.crs if of_orthophotos else crs,
                        geographic=table.geographic, frame=frame, level_m=config.wse_m)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
@@ -175,6 +176,21 @@ def origin_of(values: Mapping[str, Value]) -> LocalFrame | None:
     """
     text = str(values.get("origin", ""))
     return LocalFrame(*numbers_of("origin", text, 3)) if text.strip() else None
+
+
+def crs_of(values: Mapping[str, Value]) -> str:
+    """The projected reference system that `crs`, the control points or the file of the camera name; else "local".
+
+    Raises:
+        InputError: a file cannot be read, or names no reference system.
+    """
+    if "crs" in values:
+        return str(values["crs"])
+    camera_file, gcps_file = str(values.get("camera_file", "")), str(values.get("gcps_file", ""))
+    named = [read_gcps(Path(gcps_file)).crs] if gcps_file else []
+    if camera_file and camera_file not in profiles():
+        named.append(read_camera_file(Path(camera_file)).crs)
+    return next((crs for crs in named if crs is not None and is_projected(crs)), LOCAL)
 
 
 def uncalibrated(size: tuple[int, int]) -> Camera:

@@ -10,16 +10,26 @@ import pytest
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.settings import Value
-from stab_ros.core.types import Frame
+from stab_ros.core.types import FloatArray, Frame
 from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.imaging.camera import Camera
 from stab_ros.imaging.pose import Pose
 from stab_ros.imaging.view import View
 from stab_ros.io.camera_file import CameraFile, write_camera_file
-from stab_ros.parameters.engines import check_georeference, make_georeferencer
+from stab_ros.parameters.engines import check_georeference, crs_of, make_georeferencer
 
+PLACES_M = np.array([[-60.0, 40, 305], [60, 50, 306], [70, 160, 305], [-80, 150, 307], [5, 90, 305], [20, 60, 309]])
+HERE = LocalFrame(45.1, 8.2, 0.0)
 CAMERA = Camera(np.array([[500.0, 0, 319.5], [0, 500, 179.5], [0, 0, 1]]), np.zeros(5), "plumb_bob", (640, 360))
 POSE = Pose.of_angles(np.array([2.0, -30, 325]), 1.4, math.radians(50), 0.02)
+
+
+def write_gcps(path: Path, header: str, places: FloatArray) -> None:
+    """The points at PLACES_M as the camera sees them, with other coordinates."""
+    view = View(CAMERA, Pose.of_angles(np.array([2.0, -30, 425]), math.pi / 2, math.radians(50), 0.02))
+    rows = [f"G{k},{','.join(map(repr, map(float, (*pixel, *place))))}" for k, (pixel, place) in enumerate(
+        zip(view.project(PLACES_M), places, strict=True))]
+    path.write_text("\n".join([f"name,x,y,{header}", *rows]))
 
 
 @pytest.mark.parametrize(("given", "used_m"), [({}, 305.0), ({"wse_m": 0.0}, 0.0), ({"wse_m": 301.5}, 301.5)])
@@ -35,7 +45,7 @@ def test_an_origin_moves_the_pose_of_the_file(origin: str, tmp_path: Path) -> No
     """The camera, what it looks at and the level under it stay where they are on the Earth."""
     covariance = np.diag([1e-4, 4e-4, 9e-4, 1e-8, 4e-8, 9e-8])
     write_camera_file(tmp_path / "camera.yaml", CameraFile(
-        CAMERA, pose=POSE, pose_covariance=covariance, crs="EPSG:32632", frame=LocalFrame(45.1, 8.2, 0.0), wse_m=305.0))
+        CAMERA, pose=POSE, pose_covariance=covariance, crs="EPSG:32632", frame=HERE, wse_m=305.0))
     values: dict[str, Value] = {"orientation": "stationary_gcps", "camera_file": str(tmp_path / "camera.yaml"),
                                 "wse_sigma_m": 0.0}
     places, sigmas_m = [], []
@@ -67,14 +77,33 @@ def test_an_origin_far_from_the_pose_is_refused(tmp_path: Path) -> None:
 
 
 def test_local_control_points_and_fixes_need_one_map(tmp_path: Path) -> None:
-    places_m = np.array([[-60.0, 40, 305], [60, 50, 306], [70, 160, 305], [-80, 150, 307], [5, 90, 305], [20, 60, 309]])
-    view = View(CAMERA, Pose.of_angles(np.array([2.0, -30, 425]), math.pi / 2, math.radians(50), 0.02))
-    rows = [f"G{k},{','.join(map(str, (*pixel, *place)))}" for k, (pixel, place) in enumerate(
-        zip(view.project(places_m), places_m, strict=True))]
-    (tmp_path / "gcps.csv").write_text("\n".join(["name,x,y,X,Y,Z", *rows]))
+    write_gcps(tmp_path / "gcps.csv", "X,Y,Z", PLACES_M)
     values: dict[str, Value] = {"orientation": "dynamic_gps_imu", "gcps_file": str(tmp_path / "gcps.csv"),
                                 "wse_m": 305.0}
     with pytest.raises(InputError, match="local control points and fixes of GPS need one map, give crs"):
         make_georeferencer(values, CAMERA, CAMERA.size)
     engine = make_georeferencer({**values, "origin": "45, 8, 0"}, CAMERA, CAMERA.size)
     assert engine.local_frame == LocalFrame(45, 8, 0)
+
+
+def test_a_projected_system_beside_latitudes_and_longitudes_is_that_of_orthophotos(tmp_path: Path) -> None:
+    write_gcps(tmp_path / "gcps.csv", "lat,lon,height", HERE.to_geodetic(PLACES_M))
+    values: dict[str, Value] = {"orientation": "stationary_gcps", "gcps_file": str(tmp_path / "gcps.csv"),
+                                "wse_m": 300.0}
+    plain, with_crs = (make_georeferencer({**values, **more}, CAMERA, CAMERA.size) for more in (
+        {}, {"crs": "EPSG:32632"}))
+    assert plain.gcps is not None
+    assert with_crs.gcps is not None
+    assert (plain.gcps.map_m == with_crs.gcps.map_m).all()
+    assert (crs_of(values), crs_of({**values, "crs": "EPSG:32632"})) == ("local", "EPSG:32632")
+
+
+def test_files_tell_the_reference_system_of_orthophotos(tmp_path: Path) -> None:
+    camera_file = str(tmp_path / "camera.yaml")
+    write_camera_file(tmp_path / "camera.yaml", CameraFile(CAMERA, pose=POSE, crs="EPSG:32632", frame=HERE))
+    assert crs_of({"camera_file": camera_file}) == "EPSG:32632"
+    assert crs_of({"camera_file": camera_file, "crs": "local"}) == "local"
+    write_gcps(tmp_path / "gcps.csv", "X,Y,Z", PLACES_M)
+    assert crs_of({"gcps_file": str(tmp_path / "gcps.csv")}) == "local"
+    write_camera_file(tmp_path / "camera.yaml", CameraFile(CAMERA, pose=POSE, crs="EPSG:4326", frame=HERE))
+    assert crs_of({"camera_file": camera_file}) == "local"  # degrees are none of an orthophoto
