@@ -19,7 +19,7 @@ from stab_ros.georeferencing.orientation import Answer, Unplaced
 from stab_ros.georeferencing.placement import Placement, Sighting
 from stab_ros.georeferencing.pose_link import PoseLink
 from stab_ros.georeferencing.pose_track import Mounting, PosePrior, PoseTrack
-from stab_ros.georeferencing.posed import placed
+from stab_ros.georeferencing.posed import not_above, placed
 from stab_ros.georeferencing.sensor_checks import check_view
 from stab_ros.georeferencing.sensor_watch import SensorWatch
 from stab_ros.georeferencing.sensors import Sensors
@@ -93,7 +93,8 @@ class DynamicGpsImu:
             return Unplaced(upwards)
         told = self._told(sighting, prior)
         if isinstance(told, Unplaced):
-            return told
+            return told if isinstance(prior, Unplaced) or prior.pose.position_m[2] > sighting.wse_m else (
+                not_above(prior.pose, sighting.wse_m))
         values = self._sensors.staleness_s(sighting.stamp_ns) | self._watch.values
         if self._config.apply_time_offset:
             values["time_offset_s"] = self._sensors.time_offset_s

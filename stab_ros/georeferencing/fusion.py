@@ -176,7 +176,7 @@ class Fusion:
         points = PlanePoints.of_view(self.camera, first.pose)
         placed = None if points is None else points.of_pose(first.pose, self.settings.plane_m)
         if points is None or placed is None:
-            return Unplaced("the camera does not look down on the ground, by its sensors")
+            return self._unseen(first.pose, "its sensors")
         x = np.concatenate([placed[0], np.zeros(8)])
         information = np.diag(np.repeat([0.0, 1.0], [8, 8]))  # nothing of c, unit variance of b
         state = _State(points, x, np.eye(16), ref_H_cur, sighting.stamp_ns, 0.0)
@@ -276,7 +276,7 @@ class Fusion:
         for _ in range(_ITERATIONS):
             placed = state.points.of_pose(pose, self.settings.plane_m)
             if placed is None:
-                return Unplaced("the camera does not look down on the ground, by sensors and homographies")
+                return self._unseen(pose, "sensors and homographies")
             seen_from = np.concatenate([np.eye(8), np.zeros((8, 8)), -placed[1]], axis=1)
             N, g = _observing(state.x[8:], pose, observed)
             N += seen_from.T @ weight @ seen_from
@@ -317,6 +317,14 @@ class Fusion:
         S = H @ state.P @ H.T + J @ sensors.covariance @ J.T + noise
         off = c - H @ state.x
         return float(off @ solved(S, off))
+
+    def _unseen(self, pose: Pose, by: str) -> Unplaced:
+        """Why the points of the ground are not seen from a pose."""
+        if pose.position_m[2] > self.settings.plane_m:
+            return Unplaced(f"the camera does not look down on the ground, by {by}")
+        at_m = pose.position_m[2]
+        return Unplaced(f"the ground at {self.settings.plane_m:g} m is not below the camera at {at_m:g} m, by {by}; check "
+                        "wse_m and ground_above_wse_m, and that all heights have one datum")
 
     def _pose_at(self, points: PlanePoints, c: FloatArray) -> Pose:
         return pose_of_plane(self.camera, points.homography(c), self.settings.plane_m)

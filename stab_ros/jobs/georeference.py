@@ -101,7 +101,7 @@ def georeference(job: Job, progress: Progress, compiling: Compiler = compile_ker
         with _outputs(job, source, orientation) as outputs:
             result = _run(job, source, recording, outputs, lambda done: progress(done, total))
             if not result.placed:
-                raise recording.nothing_placed(result.unplaced, result.first_ns)
+                raise recording.nothing_placed(result.unplaced, result.first_ns, result.last_ns)
         result.duration_s = time.monotonic() - started_s
         of_level = () if result.first_ns is None or result.last_ns is None else recording.level_doubts(
             result.first_ns, result.last_ns)

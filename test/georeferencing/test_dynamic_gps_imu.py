@@ -149,6 +149,17 @@ def _between(samples: SensorSamples, after_ns: float, until_ns: float) -> Sensor
         attitude_stamp_ns=samples.attitude_stamp_ns[attitude], map_q_body=samples.map_q_body[attitude])
 
 
+@pytest.mark.parametrize(("config", "said"), [
+    (replace(CONFIG, wse_m=60.0), "the water surface at 60 m is not below the camera at 4"),
+    (replace(ALONE, wse_m=60.0), "the water surface at 60 m is not below the camera at 4"),
+    (replace(CONFIG, ground_above_wse_m=50.0), "the ground at 50 m is not below the camera at 4"),
+])
+def test_water_or_ground_above_the_camera_is_said(config: GeoreferenceConfig, said: str) -> None:
+    engine = _engine(config)
+    _told(engine, _samples(PPK, 3))
+    assert engine.frame(_frame(0), _motion(0)).reason.startswith(said)
+
+
 @pytest.mark.parametrize(("off_m", "agrees"), [(0.0, True), (0.04, True), (3.0, False), (500.0, False)])
 def test_control_points_that_contradict_the_sensors_are_left_out_and_that_is_said(off_m: float, agrees: bool) -> None:
     sensors, place = Sensors(0.0), _pose_at(0.0)

@@ -120,6 +120,14 @@ def test_sensors_of_another_time_are_said(folder: Path, tmp_path: Path, pitch_de
     assert "time_offset_s brings clocks together" in line
 
 
+def test_water_above_the_camera_is_no_matter_of_clocks(folder: Path, tmp_path: Path, pitch_deg: int,
+                                                       capsys: pytest.CaptureFixture[str]) -> None:
+    origin = f"origin:={ORIGIN.latitude_deg}, {ORIGIN.longitude_deg}, {ORIGIN.height_m}"
+    line = _refused(folder, tmp_path, capsys, *SENSORS, "-p", origin, "-p", "wse_m:=100")
+    assert "not one frame can be placed: the water surface at 100 m is not below the camera at" in line
+    assert line.endswith("one height datum")
+
+
 def test_bad_control_points_are_one_line(folder: Path, tmp_path: Path, pitch_deg: int,
                                          capsys: pytest.CaptureFixture[str]) -> None:
     gcps = ["-p", "orientation:=stationary_gcps", "-p", "crs:=EPSG:32630", "--gcps"]
