@@ -78,6 +78,10 @@ class DynamicGpsImu:
         self._correct_clock()
         return answer
 
+    def last_look(self) -> tuple[str, ...]:
+        """See `Watching`: axes, height and clock of the sensors, also of a flight too short for a look on the way."""
+        return self._watch.last_look()
+
     def _correct_clock(self) -> None:
         """Applies a time offset that was found from the next frame on; the filter begins anew."""
         correction_s = self._watch.taken_correction_s()

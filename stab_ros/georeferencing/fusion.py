@@ -322,9 +322,9 @@ class Fusion:
         """Why the points of the ground are not seen from a pose."""
         if pose.position_m[2] > self.settings.plane_m:
             return Unplaced(f"the camera does not look down on the ground, by {by}")
-        at_m = pose.position_m[2]
-        return Unplaced(f"the ground at {self.settings.plane_m:g} m is not below the camera at {at_m:g} m, by {by}; check "
-                        "wse_m and ground_above_wse_m, and that all heights have one datum")
+        ground_m, at_m = self.settings.plane_m, pose.position_m[2]
+        return Unplaced(f"the ground at {ground_m:g} m is not below the camera at {at_m:g} m, by {by}; check wse_m and "
+                        "ground_above_wse_m, and that all heights have one datum")
 
     def _pose_at(self, points: PlanePoints, c: FloatArray) -> Pose:
         return pose_of_plane(self.camera, points.homography(c), self.settings.plane_m)

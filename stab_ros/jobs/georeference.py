@@ -170,7 +170,8 @@ def _run(job: Job, source: Source, recording: Recording, outputs: _Outputs, prog
     result.geotiffs, result.undecoded = placer.finish(), placer.undecoded
     if placer.work is not None:
         engine = placer.work.engine
-        result.stream_doubts = (*engine.doubts, *_crs_doubts(job, engine))
+        result.stream_doubts = (*engine.doubts, *(f"{source.name}: {doubt}" for doubt in engine.last_look()),
+                                *_crs_doubts(job, engine))
     return result
 
 

@@ -261,6 +261,21 @@ def test_an_attitude_in_other_axes_is_named() -> None:
     assert "NED" in said or "contradict" in said
 
 
+@pytest.mark.parametrize(("backwards", "seconds", "said_at_the_end"), [(False, 6, 0), (True, 6, 1), (True, 11, 0)])
+def test_a_recording_is_looked_at_once_more_at_its_end(backwards: bool, seconds: int, said_at_the_end: int) -> None:
+    """What is wrong with the sensors of a short one is told; what was told on the way is not repeated."""
+    engine, samples = _engine(CONFIG), measured(_pose_at, seconds + 0.1, replace(PPK, lever_arm_m=LEVER), 4)
+    turned = samples.map_q_body[:, [1, 0, 3, 2]] * [-1, 1, 1, -1]  # by 180 degrees about the vertical
+    _told(engine, replace(samples, map_q_body=turned) if backwards else samples)
+    said: set[str] = set()
+    for number in range(10 * seconds + 1):
+        answer = engine.frame(_frame(number), _motion(number)).placement
+        said |= set() if answer is None else set(answer.warnings)
+    at_the_end = [doubt for doubt in engine.last_look() if "the attitude contradicts the homographies" in doubt]
+    assert len(at_the_end) == said_at_the_end
+    assert any("the attitude contradicts" in doubt for doubt in said) is (backwards and seconds > 10)
+
+
 def test_sensors_that_agree_are_not_doubted() -> None:
     answer = _long(0.0).placement
     assert answer is not None
