@@ -13,13 +13,13 @@ import numpy as np
 from stab_ros.core.covariance import factor
 from stab_ros.core.geometry import product_jacobians
 from stab_ros.core.types import FloatArray
-from stab_ros.georeferencing.fusion import Fused, Fusion, FusionSettings
+from stab_ros.georeferencing.fusion import Fused, Fusion, FusionSettings, contradiction
 from stab_ros.georeferencing.interpolation import Limits
 from stab_ros.georeferencing.orientation import Answer, Unplaced
 from stab_ros.georeferencing.placement import Placement, Sighting
 from stab_ros.georeferencing.pose_link import PoseLink
 from stab_ros.georeferencing.pose_track import Mounting, PosePrior, PoseTrack
-from stab_ros.georeferencing.posed import placed
+from stab_ros.georeferencing.posed import not_above, placed
 from stab_ros.georeferencing.sensor_checks import check_view
 from stab_ros.georeferencing.sensor_watch import SensorWatch
 from stab_ros.georeferencing.sensors import Sensors
@@ -68,6 +68,7 @@ class DynamicGpsImu:
         self._fusion_settings = FusionSettings(ground_m, config.sensor_slow_share)
         self._fusion = Fusion(camera, self._fusion_settings)
         self._watch = SensorWatch(camera, self._track, ground_m, config.apply_time_offset)
+        self._left_out: tuple[str, ...] = ()  # that control points are, as they contradict the sensors
         self._moving = False  # whether a homography has come
         self._chain = object()  # of poses by sensors alone, on one clock
 
@@ -76,6 +77,10 @@ class DynamicGpsImu:
         answer = self._placed(sighting)
         self._correct_clock()
         return answer
+
+    def last_look(self) -> tuple[str, ...]:
+        """See `Watching`: axes, height and clock of the sensors, also of a flight too short for a look on the way."""
+        return self._watch.last_look()
 
     def _correct_clock(self) -> None:
         """Applies a time offset that was found from the next frame on; the filter begins anew."""
@@ -92,7 +97,8 @@ class DynamicGpsImu:
             return Unplaced(upwards)
         told = self._told(sighting, prior)
         if isinstance(told, Unplaced):
-            return told
+            return told if isinstance(prior, Unplaced) or prior.pose.position_m[2] > sighting.wse_m else (
+                not_above(prior.pose, sighting.wse_m))
         values = self._sensors.staleness_s(sighting.stamp_ns) | self._watch.values
         if self._config.apply_time_offset:
             values["time_offset_s"] = self._sensors.time_offset_s
@@ -101,7 +107,7 @@ class DynamicGpsImu:
         if math.isfinite(told.innovation):
             values["innovation"] = told.innovation
         answer = placed(self._camera, told.pose, told.covariance, sighting.wse_m, sighting.wse_sigma_m, values,
-                        (*told.warnings, *self._doubts(), *self._watch.warnings), anew=True)
+                        (*told.warnings, *self._left_out, *self._doubts(), *self._watch.warnings), anew=True)
         answer = _split(answer, sighting if self._moving else None)
         return replace(answer, pose_link=told.link) if isinstance(answer, Placement) else answer
 
@@ -110,12 +116,24 @@ class DynamicGpsImu:
         self._moving = self._moving or (self._config.fuse_homographies and sighting.ref_H_cur is not None)
         if not self._moving:
             return prior if isinstance(prior, Unplaced) else _Told(prior.pose, prior.covariance, link=self._link(prior))
-        seen, self._first = self._first, None
+        seen, self._first = self._agreeing(prior), None
         fused = self._fusion.update(sighting, None if isinstance(prior, Unplaced) else prior, seen)
         if not isinstance(fused, Fused):
             return prior if isinstance(prior, Unplaced) else fused
         lost = () if isinstance(prior, PosePrior) else (f"by homographies alone: {prior.reason}",)
         return _Told(fused.pose, fused.covariance, (*fused.warnings, *lost), fused.innovation, fused.link)
+
+    def _agreeing(self, prior: PosePrior | Unplaced) -> KnownPose | None:
+        """The pose by control points, unless it contradicts that of the sensors, which is said."""
+        if self._first is None or isinstance(prior, Unplaced):
+            return self._first
+        times = contradiction(prior, self._first, self._fusion_settings.unlikely)
+        if times is None:
+            return self._first
+        self._left_out = (f"control points and sensors contradict each other: {times:.1f} times as far apart as their "
+                          "sigmas say, the points are left out; check crs, origin and the datum of heights "
+                          "(fix_height_offset_m)",)
+        return None
 
     def _link(self, prior: PosePrior) -> PoseLink:
         """Frames share the samples beside them, and what of all samples errs slowly."""

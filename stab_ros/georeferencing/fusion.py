@@ -176,7 +176,7 @@ class Fusion:
         points = PlanePoints.of_view(self.camera, first.pose)
         placed = None if points is None else points.of_pose(first.pose, self.settings.plane_m)
         if points is None or placed is None:
-            return Unplaced("the camera does not look down on the ground, by its sensors")
+            return self._unseen(first.pose, "its sensors")
         x = np.concatenate([placed[0], np.zeros(8)])
         information = np.diag(np.repeat([0.0, 1.0], [8, 8]))  # nothing of c, unit variance of b
         state = _State(points, x, np.eye(16), ref_H_cur, sighting.stamp_ns, 0.0)
@@ -276,7 +276,7 @@ class Fusion:
         for _ in range(_ITERATIONS):
             placed = state.points.of_pose(pose, self.settings.plane_m)
             if placed is None:
-                return Unplaced("the camera does not look down on the ground, by sensors and homographies")
+                return self._unseen(pose, "sensors and homographies")
             seen_from = np.concatenate([np.eye(8), np.zeros((8, 8)), -placed[1]], axis=1)
             N, g = _observing(state.x[8:], pose, observed)
             N += seen_from.T @ weight @ seen_from
@@ -318,6 +318,14 @@ class Fusion:
         off = c - H @ state.x
         return float(off @ solved(S, off))
 
+    def _unseen(self, pose: Pose, by: str) -> Unplaced:
+        """Why the points of the ground are not seen from a pose."""
+        if pose.position_m[2] > self.settings.plane_m:
+            return Unplaced(f"the camera does not look down on the ground, by {by}")
+        ground_m, at_m = self.settings.plane_m, pose.position_m[2]
+        return Unplaced(f"the ground at {ground_m:g} m is not below the camera at {at_m:g} m, by {by}; check wse_m and "
+                        "ground_above_wse_m, and that all heights have one datum")
+
     def _pose_at(self, points: PlanePoints, c: FloatArray) -> Pose:
         return pose_of_plane(self.camera, points.homography(c), self.settings.plane_m)
 
@@ -334,6 +342,24 @@ class Fusion:
         slow = math.sqrt(self.settings.slow_share) * np.linalg.cholesky(covariance)
         L = np.concatenate([slow, np.zeros((6, 2))], axis=1)
         return _Observation(prior.pose, (1 - self.settings.slow_share) * covariance * np.outer(times, times), L)
+
+
+def contradiction(prior: PosePrior, seen: tuple[Pose, FloatArray], unlikely: float) -> float | None:
+    """How many times as far apart as their sigmas say the poses by sensors and by control points are.
+
+    Args:
+        prior: of the sensors.
+        seen: pose by control points, and its covariance (6, 6).
+        unlikely: probability of a distance that is told.
+
+    Returns:
+        RMS of the six numbers; None: they agree, or the covariance of the sensors is not known.
+    """
+    if prior.covariance is None:
+        return None
+    off = _change(seen[0], prior.pose)
+    squared = float(off @ solved(prior.covariance + seen[1] + _SUREST, off))
+    return math.sqrt(squared / len(off)) if squared > chdtri(len(off), unlikely) else None
 
 
 def _view_m(c: FloatArray) -> float:

@@ -20,7 +20,7 @@ from stab_ros.georeferencing.camera_twist import Moment, Twist, twist_between
 from stab_ros.georeferencing.control_points import ControlPoints
 from stab_ros.georeferencing.horizon import gsd_m, in_front, sampled_pixels, shown_well
 from stab_ros.georeferencing.local_frame import LocalFrame
-from stab_ros.georeferencing.orientation import Answer, Orientation, Unplaced
+from stab_ros.georeferencing.orientation import Answer, Orientation, Unplaced, Watching
 from stab_ros.georeferencing.ortho_grid import MOST_PIXELS, OrthoGrid
 from stab_ros.georeferencing.orthophoto import Orthophotos
 from stab_ros.georeferencing.placement import NO_PICTURE, Motion, Placement, Sighting
@@ -201,6 +201,10 @@ class Georeferencer:
         found = [self._answer(*waiting) for waiting in self._waiting]
         self._waiting.clear()
         return found
+
+    def last_look(self) -> tuple[str, ...]:
+        """What is doubtful of a whole recording and was not said with a frame, one line each; after its last frame."""
+        return self._orientation.last_look() if isinstance(self._orientation, Watching) else ()
 
     def frame(self, frame: Frame, motion: Motion | None = None) -> Georeferenced:
         """Places a frame at once, by what the sensors have told so far; frames that wait must be taken first.

@@ -53,6 +53,12 @@ class LocalFrame:
         lon, lat, height = _transformed(_transformer(_name(crs)), np.asarray(point, float)[None])[0]
         return LocalFrame(float(lat), float(lon), float(height))
 
+    @property
+    def utm(self) -> str:
+        """The zone of UTM (WGS 84) around the origin, "EPSG:nnnnn"; those of Norway and Svalbard are not widened."""
+        zone = min(int((self.longitude_deg + 180) // 6) + 1, 60)
+        return f"EPSG:{(32600 if self.latitude_deg >= 0 else 32700) + zone}"
+
     def from_geodetic(self, lat_lon_height: FloatArray) -> FloatArray:
         """Points of WGS 84 in the map.
 
@@ -73,6 +79,18 @@ class LocalFrame:
         """Latitude and longitude, degrees, and height above the ellipsoid, m, (N, 3), of points (N, 3) of the map."""
         lon, lat, height = _transformed(self._topocentric, np.asarray(map_m, float), _INVERSE).T
         return np.column_stack([lat, lon, height])
+
+    def from_map(self, other: LocalFrame) -> tuple[FloatArray, FloatArray]:
+        """The way from another map to this one, which turns it, too: meridians converge, and the Earth is round.
+
+        Returns:
+            R (3, 3) and t (3,), m: a point p of the other map lies at R p + t in this one.
+
+        Raises:
+            InputError: its origin is farther from this one than `FARTHEST_M`, or swapped.
+        """
+        origin = np.array([[other.latitude_deg, other.longitude_deg, other.height_m]])
+        return self._earth_R_map.T @ other._earth_R_map, self.from_geodetic(origin)[0]
 
     def from_crs(self, crs: int | str, points: FloatArray) -> FloatArray:
         """Points of a reference system in the map.
@@ -133,6 +151,14 @@ class LocalFrame:
         outline = np.asarray(outline_m, float)
         exact = self.to_crs(crs, outline)[:, :2]
         return float(np.linalg.norm(outline[:, :2] @ affine[:, :2].T + affine[:, 2] - exact, axis=1).max())
+
+    @property
+    def _earth_R_map(self) -> FloatArray:
+        """(3, 3), from the axes of the map to those of the Earth-centred system (EPSG method 9837)."""
+        lat, lon = np.radians([self.latitude_deg, self.longitude_deg])
+        east = [-np.sin(lon), np.cos(lon), 0]
+        north = [-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)]
+        return np.column_stack([east, north, np.cross(east, north)])
 
     @functools.cached_property
     def _topocentric(self) -> Transformer:
@@ -219,6 +245,16 @@ def metres_per_unit(crs: int | str) -> float:
     return float(_crs(name).axis_info[0].unit_conversion_factor)
 
 
+def is_projected(crs: int | str) -> bool:
+    """Whether a reference system has eastings and northings, as an orthophoto needs them; "local" is none.
+
+    Raises:
+        InputError: it is unknown.
+    """
+    name = _name(crs)
+    return name != LOCAL and bool(_crs(name).is_projected)
+
+
 def projected_code(crs: int | str) -> int:
     """The EPSG code of a projected reference system.
 
@@ -226,7 +262,7 @@ def projected_code(crs: int | str) -> int:
         InputError: it is none.
     """
     name = _name(crs)
-    if name == LOCAL or not _crs(name).is_projected:
+    if not is_projected(name):
         raise InputError(f"{name} is no projected reference system, an orthophoto needs one, as EPSG:32632")
     return int(name.removeprefix("EPSG:"))
 

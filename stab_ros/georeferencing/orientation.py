@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import Protocol, TypeAlias, runtime_checkable
 
 from stab_ros.georeferencing.placement import Placement, Sighting
 
@@ -43,3 +43,11 @@ class Orientation(Protocol):
         Raises:
             InputError: the frame, the camera and the settings contradict each other.
         """
+
+
+@runtime_checkable
+class Watching(Protocol):
+    """An orientation that watches what it is told over a flight."""
+
+    def last_look(self) -> tuple[str, ...]:
+        """What is doubtful of a recording at its end and was not said with a frame, one line each."""

@@ -115,10 +115,16 @@ def _check_height(motion: SensorMotion) -> list[str]:
         sigma = float(np.linalg.norm(scores)) / information
     if abs(factor - 1) < max(_HEIGHT_SHARE, _HEIGHT_SIGMAS * sigma * factor):
         return []
-    feet = "; feet are taken for metres" if factor < 1 and is_feet(factor) else ""
+    feet = "; feet are taken for metres" if factor < 1 and _are_feet(given_m, given_m * factor, motion.plane_m) else ""
     return [f"the camera is {given_m:.0f} m above the ground by its sensors, {given_m * factor:.0f} m (sigma "
             f"{given_m * factor * sigma:.0f} m) by the homographies{feet}; check fix_height_offset_m "
             "(undulation of the geoid, height of the place of take-off), wse_m and ground_above_wse_m"]
+
+
+def _are_feet(given_m: float, height_m: float, plane_m: float) -> bool:
+    """Whether a height above the ground, or the elevation that it leads to, is given in feet."""
+    above_origin = height_m + plane_m > 0  # and so is what is given, which is more
+    return is_feet(height_m / given_m) or (above_origin and is_feet((height_m + plane_m) / (given_m + plane_m)))
 
 
 def check_view(prior: PosePrior) -> str | None:

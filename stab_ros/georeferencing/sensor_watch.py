@@ -1,11 +1,13 @@
 """Sensors watched against the homographies over a flight: axes, heights and clocks that are wrong, in words.
 
 What is looked at ends with the first samples after the last frame, so that it is the same live and from a recording.
+Only a recording has an end, at which what was gathered is looked at once more.
 """
 
 from __future__ import annotations
 
 import bisect
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -61,26 +63,42 @@ class SensorWatch:
         correction_s, self._correction_s = self._correction_s, 0.0
         return correction_s
 
+    def last_look(self) -> tuple[str, ...]:
+        """What all frames since the first tell that no look has said: at the end of a recording; one line each."""
+        if not self._seen or self._looks == len(_LOOKS_S):
+            return ()
+        found, before = self._found(self._seen[-1].stamp_ns, False), set(map(_without_figures, self.warnings))
+        return tuple(one for one in found if _without_figures(one) not in before)
+
     def _look(self, stamp_ns: int) -> None:
+        self.warnings = self._found(stamp_ns, self.applies)
+
+    def _found(self, stamp_ns: int, applies: bool) -> tuple[str, ...]:
+        """What is wrong up to this stamp. applies: whether a time offset is applied from now on."""
         track = replace(self.track, positions=_until(self.track.positions, stamp_ns),
                         attitudes=_until(self.track.attitudes, stamp_ns))
         offset = estimate_time_offset(self.camera, track, self._seen, self.plane_m)
         said = [*check_samples(track.positions, track.attitudes),
                 *check_motion(self.camera, track, self._seen, self.plane_m)]
         if isinstance(offset, TimeOffset):
-            said += self._judged(offset, stamp_ns)
-        self.warnings = tuple(said)
+            said += self._judged(offset, stamp_ns, applies)
+        return tuple(said)
 
-    def _judged(self, offset: TimeOffset, stamp_ns: int) -> list[str]:
+    def _judged(self, offset: TimeOffset, stamp_ns: int, applies: bool) -> list[str]:
         """What is to be said of an offset, and done."""
         self.values = {"time_offset_left_s": offset.offset_s, "time_offset_sigma_s": offset.sigma_s}
         if abs(offset.offset_s) < max(_LEAST_S, _SIGMAS * offset.sigma_s):
             return []
         off = f"{offset.offset_s:.3f} +- {offset.sigma_s:.3f} s"
-        if not self.applies:
+        if not applies:
             return [f"the clock of the sensors is off: add {off} to time_offset_s, or set apply_time_offset"]
         self._correction_s = offset.offset_s
         return [f"the clock of the sensors was off: {off} are added to time_offset_s after stamp {stamp_ns} ns"]
+
+
+def _without_figures(text: str) -> str:
+    """What two looks say in common, though they have seen more or less of the flight."""
+    return re.sub(r"[\d.]+", "", text)
 
 
 def _until(samples: Sequence[Sample], stamp_ns: int) -> Sequence[Sample]:

@@ -33,6 +33,9 @@ _APART_S = 0.2  # from the best offset to another one
 _OUTLIER = 5.0  # residuals beyond that many times their median do not count
 _BLOCK_S = 1.0  # within which errors are correlated
 _WORST_SIGMA_S = 0.03
+_LOWEST = 0.3  # of the height before a step: a step of feet taken for metres would lead below the ground
+_SETTLED_S = 0.01  # last step of the offset: beyond it, the iteration has not come to an end
+_TOO_FAR = "the sensors' height or attitude is too wrong to tell the time offset"
 
 
 @dataclass(frozen=True)
@@ -108,9 +111,15 @@ def _refined(motion: SensorMotion, measured: FloatArray, offset_s: float) -> Tim
         size = np.linalg.norm(off, axis=1)
         counts = size <= _OUTLIER * np.median(size)
         instruments = np.stack([instrument, *columns[1:]])[:, counts].reshape(5, -1)
-        normal = np.linalg.inv(instruments @ columns[:, counts].reshape(5, -1).T)
+        inverse = _inverse(instruments @ columns[:, counts].reshape(5, -1).T)
+        if inverse is None:
+            return Unobservable(_TOO_FAR)
+        normal = inverse
         step = normal @ instruments @ off[counts].ravel()
+        step[4] = np.clip(step[4], (_LOWEST - 1) * (1 + wrong[3]), (1 / _LOWEST - 1) * (1 + wrong[3]))
         offset_s, wrong = offset_s + float(step[0]), wrong + step[1:]
+    if not abs(step[0]) < _SETTLED_S:
+        return Unobservable(_TOO_FAR)
     blocks = ((motion.before_ns - motion.before_ns[0]) / 1e9 / _BLOCK_S).astype(int)
     pull = np.sum(np.einsum("k,knm->nm", normal[0], np.stack([instrument, *columns[1:]])) * off, axis=1)
     sigma_s = float(np.linalg.norm(np.bincount(blocks[counts], pull[counts])))
@@ -118,6 +127,15 @@ def _refined(motion: SensorMotion, measured: FloatArray, offset_s: float) -> Tim
         return Unobservable(f"the flight is too still to tell the time offset: it is {offset_s:.2f} s within "
                             f"{sigma_s:.2f} s")
     return TimeOffset(offset_s, sigma_s, explained(measured[counts], (measured - off)[counts]))
+
+
+def _inverse(matrix: FloatArray) -> FloatArray | None:
+    """The inverse; None: singular, or not finite, as where the sensors see no ground."""
+    try:
+        inverse = np.linalg.inv(matrix)
+    except np.linalg.LinAlgError:
+        return None
+    return inverse if np.isfinite(inverse).all() else None
 
 
 def _moved(motion: SensorMotion, offset_s: float, wrong: FloatArray) -> FloatArray:

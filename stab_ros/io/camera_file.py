@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +81,32 @@ def read_camera_file(path: Path) -> CameraFile:
         return _file(tree)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
+
+
+def moved_to(frame: LocalFrame | None, file: CameraFile) -> CameraFile:
+    """A camera in another map: its pose, the covariance of that, and the water level at the camera.
+
+    Args:
+        frame: the map; None: that of the file.
+        file: with a place on the earth; without one, its coordinates are taken for those of `frame`.
+
+    Raises:
+        InputError: the maps lie too far apart.
+    """
+    if frame is None or file.frame is None or file.frame == frame:
+        return file
+    try:
+        R, t = frame.from_map(file.frame)
+    except InputError as error:
+        raise InputError(f"origin and camera file contradict each other, {error}") from error
+    pose, around = file.pose, file.pose_covariance
+    below_m = np.zeros(2) if pose is None else pose.position_m[:2]
+    both = np.kron(np.eye(2), R)  # of the position, and of the rotation
+    return replace(
+        file, frame=frame, parameters=(), covariance=None,
+        pose=None if pose is None else Pose(R @ pose.position_m + t, pose.cam_R_map @ R.T),
+        pose_covariance=None if around is None else both @ around @ both.T,
+        wse_m=None if file.wse_m is None else float((R @ np.append(below_m, file.wse_m) + t)[2]))
 
 
 def _text(file: CameraFile) -> str:

@@ -14,7 +14,7 @@ from stab_ros.core.kernels import Compiler, compile_kernels
 from stab_ros.core.progress import Progress
 from stab_ros.core.text import counted
 from stab_ros.core.types import LostReason, State, Track
-from stab_ros.georeferencing.georeferencer import Georeferenced
+from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
 from stab_ros.georeferencing.local_frame import LOCAL
 from stab_ros.io.bag import BagWriter, Message
 from stab_ros.io.homographies import HomographyWriter
@@ -27,7 +27,7 @@ from stab_ros.jobs.placed_recording import Placed, Recording, prepared
 from stab_ros.jobs.placing import PicturePlacer, PlacedPicture, Work
 from stab_ros.jobs.stabilize import expected
 from stab_ros.jobs.stage import Stage
-from stab_ros.parameters.engines import make_georeferencer
+from stab_ros.parameters.engines import crs_of, make_georeferencer
 from stab_ros.parameters.table import georeference_config
 
 
@@ -101,7 +101,7 @@ def georeference(job: Job, progress: Progress, compiling: Compiler = compile_ker
         with _outputs(job, source, orientation) as outputs:
             result = _run(job, source, recording, outputs, lambda done: progress(done, total))
             if not result.placed:
-                raise recording.nothing_placed(result.unplaced, result.first_ns)
+                raise recording.nothing_placed(result.unplaced, result.first_ns, result.last_ns)
         result.duration_s = time.monotonic() - started_s
         of_level = () if result.first_ns is None or result.last_ns is None else recording.level_doubts(
             result.first_ns, result.last_ns)
@@ -168,7 +168,10 @@ def _run(job: Job, source: Source, recording: Recording, outputs: _Outputs, prog
         for item in source.items(job.limit):
             placing.put(item)
     result.geotiffs, result.undecoded = placer.finish(), placer.undecoded
-    result.stream_doubts = () if placer.work is None else placer.work.engine.doubts
+    if placer.work is not None:
+        engine = placer.work.engine
+        result.stream_doubts = (*engine.doubts, *(f"{source.name}: {doubt}" for doubt in engine.last_look()),
+                                *_crs_doubts(job, engine))
     return result
 
 
@@ -176,8 +179,17 @@ def _begun(job: Job, recording: Recording, size: tuple[int, int]) -> Work:
     placing = recording.begun(size, partial(make_georeferencer, job.values))
     engine = placing.engine
     geotiffs = None if job.geotiff is None else GeoTiffs(
-        job.geotiff, job.interval_s, to_crs_of(engine, str(job.values.get("crs", LOCAL))), engine.orthophoto)
+        job.geotiff, job.interval_s, to_crs_of(engine, crs_of(job.values)), engine.orthophoto)
     return Work(engine, placing.camera, placing.motion_of, geotiffs)
+
+
+def _crs_doubts(job: Job, engine: Georeferencer) -> tuple[str, ...]:
+    """That GeoTIFFs have no reference system, though it is known where they lie; in one line, if so."""
+    frame = engine.local_frame
+    if job.geotiff is None or frame is None or "crs" in job.values or crs_of(job.values) != LOCAL:
+        return ()
+    return (f"{job.geotiff}: the GeoTIFFs are in metres of the map, without a reference system; crs names one, here "
+            f"that of UTM is {frame.utm} (crs:=local: none)",)
 
 
 def _said(source: Source, result: Georeferencing) -> list[str]:

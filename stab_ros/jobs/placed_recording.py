@@ -83,6 +83,7 @@ class Recording:
     name: str
     needs_motion: bool
     needs_level: bool
+    needs_sensors: bool
     camera: Camera | None
     image_H_ref: Homography | None
     recorded: RecordedMotions | None
@@ -127,13 +128,23 @@ class Recording:
         age_s = (last_ns - max((stamp_ns for stamp_ns in stamps_ns if stamp_ns <= last_ns), default=last_ns)) / 1e9
         return [f"{self.name}: {doubt}" for doubt in stale_level(age_s)]
 
-    def nothing_placed(self, reasons: Counter[str], first_ns: int | None) -> InputError:
-        """The error where not one frame is placed. first_ns: stamp of the first one."""
-        reason, sensors = reasons.most_common(1)[0][0] if reasons else "there is no frame", self.sensors
-        times = "" if sensors is None or not sensors.fixes or first_ns is None else (
-            f"; the fixes are of {sensors.fixes[0].stamp_ns / 1e9:.1f} to {sensors.fixes[-1].stamp_ns / 1e9:.1f} s, "
-            f"the first frame is of {first_ns / 1e9:.1f} s: time_offset_s brings clocks together")
+    def nothing_placed(self, reasons: Counter[str], first_ns: int | None, last_ns: int | None) -> InputError:
+        """The error where not one frame is placed. first_ns, last_ns: stamps of the frames; None: there is none."""
+        reason = reasons.most_common(1)[0][0] if reasons else "there is no frame"
+        times = "" if first_ns is None or last_ns is None else self._clocks_apart(first_ns, last_ns)
         return InputError(f"{self.name}: not one frame can be placed: {reason}{times}")
+
+    def _clocks_apart(self, first_ns: int, last_ns: int) -> str:
+        """That fixes or attitudes are of another time than the frames, where they are needed; "": they are not."""
+        if self.sensors is None or not self.needs_sensors:
+            return ""
+        offset_ns = round(float(self.job.values.get("time_offset_s", 0.0)) * 1e9)
+        for what, samples in (("fixes", self.sensors.fixes), ("attitudes", self.sensors.attitudes)):
+            from_ns, to_ns = (samples[k].stamp_ns + offset_ns for k in (0, -1))
+            if from_ns > last_ns or to_ns < first_ns:
+                return (f"; the {what} are of {from_ns / 1e9:.1f} to {to_ns / 1e9:.1f} s, the first frame is of "
+                        f"{first_ns / 1e9:.1f} s: time_offset_s brings clocks together")
+        return ""
 
 
 def prepared(job: Placed, source: Source, config: GeoreferenceConfig | None = None) -> Recording:
@@ -152,7 +163,7 @@ def prepared(job: Placed, source: Source, config: GeoreferenceConfig | None = No
     damaged = 0 if recorded is None else recorded.damaged
     lost = f"{source.name}: {counted(damaged, 'message')} of homographies cannot be read, their frames are lost"
     warnings = (*((lost,) if damaged else ()), *(() if sensors is None else sensors.warnings))
-    needs = (needs_motion(config), needs_level(config))
+    needs = (needs_motion(config), needs_level(config), needs_sensors(config))
     if is_stabilized(images):
         recorded = check_homographies(job.source, recorded)
         return Recording(job, source.name, *needs, recorded.camera, recorded.image_H_ref, recorded, sensors, warnings)

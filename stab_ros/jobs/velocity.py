@@ -151,7 +151,7 @@ def velocity(job: Job, progress: Progress, compiling: Compiler = compile_kernels
         with _outputs(job, source, work) as outputs:
             result = _run(job, source, work, outputs, lambda done: progress(done, total))
             if result.frames == result.unplaced.total():
-                raise recording.nothing_placed(result.unplaced, result.first_ns)
+                raise recording.nothing_placed(result.unplaced, result.first_ns, result.last_ns)
             result.duration_s = time.monotonic() - started_s
             result.warnings = (*outputs.warnings, *source.warnings, *recording.warnings, *_of_level(recording, result),
                                *_said(source, work, result))

@@ -66,8 +66,11 @@ class VelocityWork:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Of the whole stream."""
-        return () if self._placing is None else self._placing.engine.doubts
+        """Of the whole stream, at its end."""
+        if self._placing is None:
+            return ()
+        engine = self._placing.engine
+        return (*engine.doubts, *(f"{self.name}: {doubt}" for doubt in engine.last_look()))
 
     @property
     def bank_known(self) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
@@ -39,17 +38,19 @@ class GeoreferenceNode(PlacingNode):
         super().__init__("georeference_node", **options)
 
     def configure(self) -> None:
-        wse_m = params.given(self, "wse_m")
+        level_given = params.given(self, "wse_m") is not None
         values = params.declare(self, {**GEOREFERENCE_PARAMETERS, **SETTINGS}, CHANGEABLE)
         params.warn_of_unknown(self, values)
         chosen: Any = {item.name: values.pop(item.name) for item in fields(GeoreferenceSettings)}
         self.settings = GeoreferenceSettings(**chosen)
+        if not level_given:
+            del values["wse_m"]  # whose default gives way to the level in a file of the camera
         check_georeference(values)
         config = georeference_config(values)
         self._origin_said = False
         self._rejected: tuple[str, ...] | None = None  # control points, as the last message of them shows
         status = GeoreferenceStatus(config.orientation, round(self.settings.stale_s * SECOND_NS))
-        self.begin(values, config, status, make_georeferencer, _tells_level(values, wse_m is not None))
+        self.begin(values, config, status, make_georeferencer, tells_level(values))
         self.outputs = GeoreferencePublishers(self, self.settings.queue_depth == 0, self.settings.publish_tf)
         self.at_cleanup(params.ParameterUpdates(self, GEOREFERENCE_PARAMETERS, self._change).close)
 
@@ -89,10 +90,5 @@ class GeoreferenceNode(PlacingNode):
         config = georeference_config(values)
         check_georeference(values)
         self.go_on_with(values, config)
-        self._level_given = _tells_level(values, self._level_given or "wse_m" in changed)
+        self._level_given = tells_level(values)
         self._rejected = None
-
-
-def _tells_level(values: Mapping[str, Value], given: bool) -> bool:
-    """Whether the water level is known without a topic. given: the parameter was, and is no default."""
-    return given or tells_level({name: value for name, value in values.items() if name != "wse_m"})

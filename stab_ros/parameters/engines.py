@@ -9,21 +9,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stab_ros.core.errors import InputError
+from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.geometry import apply
 from stab_ros.core.settings import Value
 from stab_ros.core.types import Homography
 from stab_ros.evaluation.evaluator import Evaluator
-from stab_ros.georeferencing.local_frame import LOCAL, LocalFrame
-from stab_ros.georeferencing.settings import GeoreferenceConfig, numbers_of
+from stab_ros.georeferencing.local_frame import LOCAL, LocalFrame, is_projected
+from stab_ros.georeferencing.settings import GeoreferenceConfig, needs_sensors, numbers_of
 from stab_ros.imaging.camera import Camera
-from stab_ros.io.camera_file import CameraFile, read_camera_file
+from stab_ros.io.camera_file import CameraFile, moved_to, read_camera_file
 from stab_ros.io.camera_profiles import camera_for, profiles
 from stab_ros.io.gcp_file import read_gcps
 from stab_ros.io.points import read_points, read_tracking_points
 from stab_ros.io.regions import read_area
 from stab_ros.io.static_maps import read_static_map
-from stab_ros.parameters.table import GEOREFERENCE_PARAMETERS, evaluator_config, georeference_config, stabilizer_config
+from stab_ros.parameters.table import evaluator_config, georeference_config, stabilizer_config
 from stab_ros.tracking.stabilizer import Stabilizer
 
 if TYPE_CHECKING:  # imported where needed: with scipy they cost as much as all that a tracker needs
@@ -74,15 +74,13 @@ def make_evaluator(values: Mapping[str, Value]) -> Evaluator:
     return Evaluator(evaluator_config(values), points, read_area(values))
 
 
-_WSE = GEOREFERENCE_PARAMETERS["wse_m"]
-
-
 def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size: tuple[int, int],
                        image_H_ref: Homography | None = None) -> Georeferencer:
     """Makes the engine of georeferencing from parameters.
 
     Args:
-        values: parameters of georeferencing by name; the others keep their defaults.
+        values: parameters of georeferencing by name; the others keep their defaults, `wse_m` that of the file of the
+            camera.
         camera: that takes the images, unless `camera_file` names another; None: of unknown calibration.
         size: width and height of the images as taken, px.
         image_H_ref: (3, 3), for images that are stabilised already: from pixels of the reference to those of the image;
@@ -99,8 +97,8 @@ def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size:
     from stab_ros.georeferencing.sensors import Sensors
 
     file, remarks = camera_of(values, size)
-    given = values.get("wse_m", _WSE.default) != _WSE.default
-    if file is not None and file.wse_m is not None and not given:
+    file = None if file is None else moved_to(origin_of(values), file)
+    if file is not None and file.wse_m is not None and "wse_m" not in values:
         values = {**values, "wse_m": file.wse_m}
     config = georeference_config(values)
     camera = camera if file is None else file.camera
@@ -109,6 +107,9 @@ def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size:
         known = Camera(known.K, np.zeros(0), "plumb_bob", known.size)
     gcps = _gcps_of(values, config, file, image_H_ref)
     sensors, frame = Sensors(config.time_offset_s), _frame_of(values, file, gcps)
+    if needs_sensors(config) and gcps is not None and frame is None:
+        raise ConfigError(f"{values['gcps_file']}: local control points and fixes of GPS need one map, give crs (the "
+                          "EPSG code of the points), or as origin where on the Earth their 0, 0, 0 lies")
     points = None if gcps is None else gcps.points
     pose = None if file is None or file.pose is None else (file.pose, file.pose_covariance)
     orientation = make_orientation(config, known, camera is not None, points, sensors, pose)
@@ -153,8 +154,9 @@ def _gcps_of(values: Mapping[str, Value], config: GeoreferenceConfig, file: Came
     pixels = table.image_px if image_H_ref is None else apply(np.linalg.inv(image_H_ref), table.image_px)
     frame = origin_of(values) or (None if file is None else file.frame)
     try:
-        found = placed(table.names, pixels, table.places, table.crs if crs == LOCAL else crs,
-                       geographic=table.geographic, frame=frame, level_m=config.wse_m)
+        of_orthophotos = crs == LOCAL or (table.geographic and is_projected(crs))  # and not of this table
+        found = placed(table.names, pixels, table.places, table.crs if of_orthophotos else crs,
+                       geographic=table.geographic, in_metres=table.in_metres, frame=frame, level_m=config.wse_m)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     return replace(found, doubts=tuple(f"{path}: {doubt}" for doubt in (*table.remarks, *found.doubts)))
@@ -176,6 +178,21 @@ def origin_of(values: Mapping[str, Value]) -> LocalFrame | None:
     return LocalFrame(*numbers_of("origin", text, 3)) if text.strip() else None
 
 
+def crs_of(values: Mapping[str, Value]) -> str:
+    """The projected reference system that `crs`, the control points or the file of the camera name; else "local".
+
+    Raises:
+        InputError: a file cannot be read, or names no reference system.
+    """
+    if "crs" in values:
+        return str(values["crs"])
+    camera_file, gcps_file = str(values.get("camera_file", "")), str(values.get("gcps_file", ""))
+    named = [read_gcps(Path(gcps_file)).crs] if gcps_file else []
+    if camera_file and camera_file not in profiles():
+        named.append(read_camera_file(Path(camera_file)).crs)
+    return next((crs for crs in named if crs is not None and is_projected(crs)), LOCAL)
+
+
 def uncalibrated(size: tuple[int, int]) -> Camera:
     """A pinhole camera that stands for an unknown one where its K does not matter."""
     width, height = size
@@ -193,10 +210,11 @@ def check_georeference(values: Mapping[str, Value]) -> None:
         InputError: as `make_georeferencer`; but whether control points fit the camera is not known yet.
     """
     georeference_config(values)
-    origin_of(values)
+    origin = origin_of(values)
     camera_file, gcps_file = str(values.get("camera_file", "")), str(values.get("gcps_file", ""))
     if camera_file and camera_file not in profiles():
-        read_camera_file(Path(camera_file))
+        file = read_camera_file(Path(camera_file))
+        moved_to(origin, file)
     if gcps_file:
         read_gcps(Path(gcps_file))
     elif not camera_file:

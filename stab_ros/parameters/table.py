@@ -81,7 +81,7 @@ def _of_georeferencing() -> Iterator[Parameter]:
     yield Parameter("camera_file", "", Range("Path of a camera.yaml, as `stab-ros camera` writes it, or the name of a "
                                              'profile; "": camera_info tells the calibration'))
     yield Parameter("crs", "local", Range("Reference system of the control points and of GeoTIFFs: an EPSG code, or "
-                                          "local for metres in the map"))
+                                          "local for metres in the map; not given: that of the files"))
     yield Parameter("origin", "", Range("Origin of the map, 'latitude, longitude, height' in degrees and metres; "
                                         '"": the centre of the control points, or the first fix'))
 

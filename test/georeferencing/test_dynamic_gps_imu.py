@@ -10,6 +10,7 @@ import pytest
 from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import apply, grid, jacobian
 from stab_ros.core.types import FloatArray, Frame
+from stab_ros.georeferencing.dynamic_gps_imu import DynamicGpsImu
 from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
 from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.georeferencing.orientation import Unplaced
@@ -148,6 +149,30 @@ def _between(samples: SensorSamples, after_ns: float, until_ns: float) -> Sensor
         attitude_stamp_ns=samples.attitude_stamp_ns[attitude], map_q_body=samples.map_q_body[attitude])
 
 
+@pytest.mark.parametrize(("config", "said"), [
+    (replace(CONFIG, wse_m=60.0), "the water surface at 60 m is not below the camera at 4"),
+    (replace(ALONE, wse_m=60.0), "the water surface at 60 m is not below the camera at 4"),
+    (replace(CONFIG, ground_above_wse_m=50.0), "the ground at 50 m is not below the camera at 4"),
+])
+def test_water_or_ground_above_the_camera_is_said(config: GeoreferenceConfig, said: str) -> None:
+    engine = _engine(config)
+    _told(engine, _samples(PPK, 3))
+    assert engine.frame(_frame(0), _motion(0)).reason.startswith(said)
+
+
+@pytest.mark.parametrize(("off_m", "agrees"), [(0.0, True), (0.04, True), (3.0, False), (500.0, False)])
+def test_control_points_that_contradict_the_sensors_are_left_out_and_that_is_said(off_m: float, agrees: bool) -> None:
+    sensors, place = Sensors(0.0), _pose_at(0.0)
+    by_points = (Pose(place.position_m + np.array([off_m, 0, 0]), place.cam_R_map), np.diag([1e-4] * 3 + [1e-8] * 3))
+    engine = Georeferencer(CONFIG, CAMERA, DynamicGpsImu(CONFIG, CAMERA, sensors, by_points), sensors)
+    _told(engine, _samples(PPK, 3))
+    for number in range(5):
+        answer = engine.frame(_frame(number), _motion(number))
+        said = () if answer.placement is None else answer.placement.warnings
+        assert any("control points and sensors contradict each other" in doubt for doubt in said) is not agrees
+        assert np.median(_errors_m(answer, number)) < 0.15
+
+
 def test_a_late_sensor_is_a_reason_and_homographies_go_on() -> None:
     engine, samples = _engine(CONFIG), _samples(PPK, 2)
     _told(engine, samples, FIRST_NS + 10 * STEP_NS)
@@ -234,6 +259,21 @@ def test_an_attitude_in_other_axes_is_named() -> None:
     upside_down = _long(0.0, lambda q: q * [1, -1, -1, 1])  # forward, right, down in north, west, ...
     said = upside_down.reason or " ".join(upside_down.placement.warnings if upside_down.placement else ())
     assert "NED" in said or "contradict" in said
+
+
+@pytest.mark.parametrize(("backwards", "seconds", "said_at_the_end"), [(False, 6, 0), (True, 6, 1), (True, 11, 0)])
+def test_a_recording_is_looked_at_once_more_at_its_end(backwards: bool, seconds: int, said_at_the_end: int) -> None:
+    """What is wrong with the sensors of a short one is told; what was told on the way is not repeated."""
+    engine, samples = _engine(CONFIG), measured(_pose_at, seconds + 0.1, replace(PPK, lever_arm_m=LEVER), 4)
+    turned = samples.map_q_body[:, [1, 0, 3, 2]] * [-1, 1, 1, -1]  # by 180 degrees about the vertical
+    _told(engine, replace(samples, map_q_body=turned) if backwards else samples)
+    said: set[str] = set()
+    for number in range(10 * seconds + 1):
+        answer = engine.frame(_frame(number), _motion(number)).placement
+        said |= set() if answer is None else set(answer.warnings)
+    at_the_end = [doubt for doubt in engine.last_look() if "the attitude contradicts the homographies" in doubt]
+    assert len(at_the_end) == said_at_the_end
+    assert any("the attitude contradicts" in doubt for doubt in said) is (backwards and seconds > 10)
 
 
 def test_sensors_that_agree_are_not_doubted() -> None:

@@ -91,3 +91,17 @@ def test_missing_grid_is_said() -> None:
     assert crs_doubt("local") is None
     doubt = crs_doubt(27700)
     assert doubt is None or "needs a grid" in doubt  # where the grid is installed, there is no doubt
+
+
+@pytest.mark.parametrize(("latitude", "longitude", "zone"), [
+    (45.0, 8.0, "EPSG:32632"), (-33.9, 18.4, "EPSG:32734"), (10.0, 180.0, "EPSG:32660"), (0.0, -180.0, "EPSG:32601")])
+def test_the_zone_of_utm(latitude: float, longitude: float, zone: str) -> None:
+    assert LocalFrame(latitude, longitude, 0.0).utm == zone
+
+
+def test_one_map_lies_in_another_as_on_the_earth() -> None:
+    one, other = LocalFrame(46.2, 7.1, 400.0), LocalFrame(46.4, 7.9, -30.0)
+    places_m = np.array([[10.0, -20, 5], [300, 200, 900], [-4000, 100, 0]])
+    R, t = one.from_map(other)
+    np.testing.assert_allclose(places_m @ R.T + t, one.from_geodetic(other.to_geodetic(places_m)), atol=1e-6)
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)

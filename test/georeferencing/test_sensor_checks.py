@@ -80,6 +80,17 @@ def test_a_height_of_another_datum_is_told_by_the_homographies(plane_m: float, s
     assert said in found[0]
 
 
+def test_elevations_in_feet_over_a_high_river_are_told() -> None:
+    """At 346 m over a river at 300 m: what is in feet is the elevation, not the height above the water."""
+    flight = Reach(along_reach(0.3, 3.0), duration_s=20)
+    in_feet = replace(flight.track, positions=[
+        replace(one, position_m=one.position_m + np.array([0, 0, 346 / 0.3048 - 46]))
+        for one in flight.track.positions])
+    (said,) = check_motion(CAMERA, in_feet, flight.sightings, 300.0)
+    assert "835 m above the ground by its sensors, 46 m" in said
+    assert "feet are taken for metres" in said
+
+
 def test_samples_tell_of_themselves() -> None:
     track = oblique().track
     assert check_samples(track.positions, track.attitudes) == []

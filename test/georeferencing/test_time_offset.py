@@ -86,3 +86,20 @@ def test_wrong_homographies_do_not_pull() -> None:
     found = estimate_time_offset(CAMERA, flight.track, sightings, 0.0)
     assert isinstance(found, TimeOffset)
     assert found.offset_s == pytest.approx(-0.15, abs=0.01)
+
+
+@pytest.mark.parametrize("plane_m", [-49.0, 46 - 46 / 0.3048, 46 - 46 / 0.05, 30.0])
+def test_a_wrong_height_hides_no_offset(plane_m: float) -> None:
+    """A flight at 46 m: an undulation left out, feet for metres, a level of 0 m on a high river; a height too low."""
+    flight = Reach(along_reach(1.5, 3.0), duration_s=20, sensors=LATE)
+    found = estimate_time_offset(CAMERA, flight.track, flight.sightings, plane_m)
+    assert isinstance(found, TimeOffset)
+    assert found.offset_s == pytest.approx(-0.15, abs=0.01)
+
+
+@pytest.mark.parametrize(("gust_deg", "plane_m"), [(0.3, 46 - 46 / 0.3048), (0.3, 45.0), (1.5, 60.0)])
+def test_a_height_that_is_too_wrong_is_said(gust_deg: float, plane_m: float) -> None:
+    """In a calm flight, feet for metres; just above the ground, and below it."""
+    flight = Reach(along_reach(gust_deg, 3.0), duration_s=20, sensors=LATE)
+    found = estimate_time_offset(CAMERA, flight.track, flight.sightings, plane_m)
+    assert isinstance(found, Unobservable)

@@ -1,6 +1,7 @@
 """`stab-ros georeference` on the recorded flight, whose true homographies are known."""
 
 import csv
+import math
 from pathlib import Path
 
 import cv2
@@ -13,7 +14,10 @@ from stab_ros.cli import main
 from stab_ros.core.geometry import apply, grid, normalized
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.known_scale import nadir_H
+from stab_ros.georeferencing.local_frame import LocalFrame
+from stab_ros.imaging.pose import Pose
 from stab_ros.io.bag import open_bag
+from stab_ros.io.camera_file import CameraFile, write_camera_file
 from stab_ros.io.diagnostics_message import read_values
 from stab_ros.io.homographies import read_homographies
 from stab_ros.io.homography_message import read_homography
@@ -126,6 +130,23 @@ def test_a_picture_without_calibration_is_refused_where_it_is_needed(
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert "stationary_nadir needs the calibration of the camera" in line
     assert [path.name for path in tmp_path.iterdir()] == ["pictures"]
+
+
+@pytest.mark.parametrize(("crs", "code"), [("EPSG:32632", 32632), ("EPSG:4326", None)])
+def test_geotiffs_have_the_projected_system_of_the_camera_file(crs: str, code: int | None, tmp_path: Path,
+                                                               capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "pictures").mkdir()
+    assert cv2.imwrite(str(tmp_path / "pictures" / "1.png"), np.full((80, 120), 7, np.uint8))
+    pose = Pose.of_angles(np.array([2.0, -30, 325]), 1.4, math.radians(50), 0.02)
+    write_camera_file(tmp_path / "camera.yaml", CameraFile(
+        uncalibrated((120, 80)), pose=pose, crs=crs, frame=LocalFrame(45.1, 8.2, 0.0), wse_m=305.0))
+    assert main(["georeference", str(tmp_path / "pictures"), str(tmp_path / "o.mcap"), "--camera",
+                 str(tmp_path / "camera.yaml"), "--geotiff", str(tmp_path / "tiffs")]) == 0
+    (path,) = (tmp_path / "tiffs").glob("*.tif")
+    with rasterio.open(path) as found:
+        assert (found.crs.is_projected, found.crs.to_epsg()) == (code is not None, code)
+    said = "the GeoTIFFs are in metres of the map, without a reference system; crs names one, here that of UTM is EPSG:"
+    assert (said + "32632" in capsys.readouterr().err) is (code is None)
 
 
 def test_the_table_is_a_csv_of_homographies(georeferenced: Path) -> None:

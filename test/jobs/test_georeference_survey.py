@@ -1,5 +1,6 @@
 """`stab-ros georeference` on a rendered flight, with each orientation; held-out points lie where they are."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,9 @@ from survey_bag import CAMERA, FIRST_NS, HEIGHT_M, ORIGIN, view, write_gcps, wri
 from stab_ros.cli import main
 from stab_ros.core.geometry import apply
 from stab_ros.core.types import FloatArray
-from stab_ros.io.bag import open_bag
+from stab_ros.io.bag import BagWriter, open_bag
 from stab_ros.io.diagnostics_message import read_values
-from stab_ros.io.fix_message import read_fix
+from stab_ros.io.fix_message import fix_cdr, read_fix
 from stab_ros.io.homographies import read_homographies
 
 WITHIN_M = 0.02
@@ -118,6 +119,30 @@ def test_sensors_of_another_time_are_said(folder: Path, tmp_path: Path, pitch_de
     line = _refused(folder, tmp_path, capsys, *SENSORS, "-p", "time_offset_s:=600")
     assert "not one frame can be placed: the nearest position is" in line
     assert "time_offset_s brings clocks together" in line
+
+
+def test_water_above_the_camera_is_no_matter_of_clocks(folder: Path, tmp_path: Path, pitch_deg: int,
+                                                       capsys: pytest.CaptureFixture[str]) -> None:
+    origin = f"origin:={ORIGIN.latitude_deg}, {ORIGIN.longitude_deg}, {ORIGIN.height_m}"
+    line = _refused(folder, tmp_path, capsys, *SENSORS, "-p", origin, "-p", "wse_m:=100")
+    assert "not one frame can be placed: the water surface at 100 m is not below the camera at" in line
+    assert line.endswith("one height datum")
+
+
+def test_sensors_of_a_short_flight_are_checked_at_its_end(folder: Path, tmp_path: Path, pitch_deg: int,
+                                                         capsys: pytest.CaptureFixture[str]) -> None:
+    """Half a second, with one position 110 m beside the others."""
+    with open_bag(folder / "flight.mcap") as bag, BagWriter(tmp_path / "jumps.mcap") as writer:
+        for topic in ("/cam/fix", "/cam/imu"):
+            writer.add_topic(bag.topics[topic])
+            for number, message in enumerate(bag.messages([topic])):
+                fix = read_fix(message.data) if topic == "/cam/fix" and number == 30 else None
+                data = message.data if fix is None else fix_cdr(
+                    replace(fix, latitude_deg=fix.latitude_deg + 1e-3))
+                writer.write(topic, message.log_time_ns, message.log_time_ns, data)
+    _run(folder, tmp_path, *SENSORS, "--no-image", "--telemetry", str(tmp_path / "jumps.mcap"))
+    warnings = capsys.readouterr().err.splitlines()
+    assert sum("the fix jumps 2 times, the worst by 111.3 m in 0.01 s" in line for line in warnings) == 1, warnings
 
 
 def test_bad_control_points_are_one_line(folder: Path, tmp_path: Path, pitch_deg: int,

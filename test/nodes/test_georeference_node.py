@@ -13,6 +13,7 @@ from conftest import Command
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, TwistWithCovarianceStamped
 from georeferenced_stream import (
+    CAMERA,
     NODE,
     GeoreferencedStream,
     by_the_engine,
@@ -31,6 +32,7 @@ from std_msgs.msg import Float64, String
 from stab_ros.core.types import Frame
 from stab_ros.georeferencing.placement import Motion
 from stab_ros.io.bag import open_bag
+from stab_ros.io.camera_file import CameraFile, write_camera_file
 from stab_ros.synthetic.flight import Shot
 
 NADIR: dict[str, Any] = {"orientation": "stationary_nadir", "height_m": 30.0}
@@ -218,6 +220,18 @@ def test_water_level_holds_from_its_stamp_on(graph: Graph, kind: Any) -> None:
         stream.show(shot(number))
     wanted = [0.0, 1.25, 1.25] if kind is Float64 else [0.0, 0.0, 1.25]
     assert [float(one["wse_m"]) for one in stream.until_answered(3)] == wanted
+
+
+def test_a_level_that_is_given_counts_for_more_than_that_of_the_camera_file(graph: Graph, tmp_path: Path) -> None:
+    """Also one that is the default."""
+    write_camera_file(tmp_path / "camera.yaml", CameraFile(CAMERA, wse_m=2.5))
+    stream = GeoreferencedStream(graph, {**NADIR, "camera_file": str(tmp_path / "camera.yaml")}, image=False,
+                                 info=False)
+    stream.show(shot(0))
+    stream.until_answered(1)
+    assert graph.set_parameter(NODE, "wse_m", 0.0) == (True, "")
+    stream.show(shot(1))
+    assert [float(one["wse_m"]) for one in stream.until_answered(2)] == [2.5, 0.0]
 
 
 @pytest.mark.thorough
