@@ -36,13 +36,15 @@ class ImageInput:
         self._held: deque[ReceivedImage] = deque(maxlen=_HELD_IMAGES)
         self._subscription: ImageSubscription | None = None
 
-    def open(self) -> str:
-        """Subscribes; returns the full name of the topic."""
+    def open(self) -> None:
+        """Subscribes, and says so."""
         topic = self._compressed_topic if self._compressed else self._node.resolve_topic_name(self._topic)
         images = self._node.images
         self._subscription = self._subscribe(topic) if images is None else images.join(
             self._node, topic, self._compressed, self._keep_all, self._on_image)
-        return self._subscription.topic
+        taken = self._subscription.topic
+        self._node.get_logger().info(f"ready for images from {taken}, waiting for {self._obstacle}" if self._obstacle
+                                     else f"ready, taking images from {taken}")
 
     def _subscribe(self, topic: str) -> AdaptiveSubscription:
         msg_class = CompressedImage if self._compressed else Image
@@ -61,6 +63,16 @@ class ImageInput:
     @property
     def is_open(self) -> bool:
         return self._subscription is not None
+
+    @property
+    def awaited(self) -> str:
+        """What is needed for images to come, for people; once it is open."""
+        assert self._subscription is not None
+        return self._obstacle or f"images on {self._subscription.topic}"
+
+    @property
+    def _obstacle(self) -> str:
+        return "" if self._node.images is None else self._node.images.obstacle
 
     @property
     def publishers(self) -> int:

@@ -164,6 +164,7 @@ class PlacingNode(StabNode):
         if self._images.is_open:
             self._images.refresh()
             self._give_up_waiting()
+            self.status.waiting_for = self._awaited()
         elif self.subscribers >= self.settings.wait_for_subscribers:
             self._open()
         else:
@@ -171,10 +172,13 @@ class PlacingNode(StabNode):
             self.status.waiting_for = f"{subscribers} of {self.awaited_topic}"
 
     def _open(self) -> None:
-        topic = self._images.open()
+        self._images.open()
         self._open_inputs()
-        self.status.waiting_for = f"images on {topic}" + (" and camera_info" if self._camera_info else "")
-        self.get_logger().info(f"ready, taking images from {topic}")
+        self.status.waiting_for = self._awaited()
+
+    def _awaited(self) -> str:
+        """What the first frame waits for, for people."""
+        return self._images.awaited + (" and camera_info" if self._camera_info else "")
 
     def _open_inputs(self) -> None:
         """Subscribes to what the orientation takes, once: it may be changed, and changed back."""

@@ -150,14 +150,18 @@ class TrackerNode(StabNode):
             self._fall_asleep()
         elif self._input.is_open:
             self._input.refresh()
+            self.status.waiting_for = self._awaited()
             self._end_buffering_in_pause(self._input.publishers)
         elif self.outputs.homography.subscribers >= self.settings.wait_for_subscribers:
-            topic = self._input.open()
-            self.status.waiting_for = f"images on {topic}" + (" and camera_info" if self.camera else "")
-            self.get_logger().info(f"ready, taking images from {topic}")
+            self._input.open()
+            self.status.waiting_for = self._awaited()
         else:
             subscribers = counted(self.settings.wait_for_subscribers, "subscriber")
             self.status.waiting_for = f"{subscribers} of {HOMOGRAPHY_TOPIC}"
+
+    def _awaited(self) -> str:
+        """What the first frame waits for, for people."""
+        return self._input.awaited + (" and camera_info" if self.camera else "")
 
     def _fall_asleep(self) -> None:
         """Takes no more images; the engine keeps its reference."""
