@@ -24,7 +24,7 @@ class ImageInput:
 
     compressed: subscribe to the topic's compressed images. keep_all: every image counts, not only the newest. may_pass:
     while it is false, images are held until `release`, or dropped unless `keep_all`. dropped: is told how many images
-    were lost.
+    were lost. held_up: whether the last one that came could not pass.
     """
 
     def __init__(self, node: StabNode, compressed: bool, keep_all: bool, may_pass: Callable[[], bool],
@@ -32,7 +32,7 @@ class ImageInput:
         self.msgtype = COMPRESSED_IMAGE if compressed else IMAGE
         self._node, self._keep_all, self._topic = node, keep_all, topic
         self._may_pass, self._take, self._dropped = may_pass, take, dropped
-        self._gaps = GapCounter()
+        self._gaps, self.held_up = GapCounter(), False
         self._held: deque[ReceivedImage] = deque(maxlen=_HELD_IMAGES)
         self._subscription: ImageSubscription | None = None
 
@@ -57,6 +57,7 @@ class ImageInput:
             self._subscription.close()
         self._subscription = None
         self._gaps.suspend()
+        self.held_up = False
         self._dropped(len(self._held))
         self._held.clear()
 
@@ -106,6 +107,7 @@ class ImageInput:
 
     def release(self) -> None:
         """Passes the held images on."""
+        self.held_up = False
         while self._held:
             self._take(self._held.popleft())
 
@@ -114,7 +116,8 @@ class ImageInput:
 
     def _on_image(self, image: ReceivedImage) -> None:
         self._dropped(self._gaps.missed(image.number, self.publishers))
-        if self._may_pass():
+        self.held_up = not self._may_pass()
+        if not self.held_up:
             self._take(image)
         else:
             self._hold(image)

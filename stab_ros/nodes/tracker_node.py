@@ -143,7 +143,7 @@ class TrackerNode(StabNode):
         self._reset_if_asked()
         self.outputs.pictures.refresh()
         if self.camera is not None:
-            self.camera.refresh()
+            self.camera.refresh(self._input.held_up)
         self._sleep.look(self.outputs.subscribers, busy=self.stabilizer.buffering)
         self.status.asleep = self._sleep.is_asleep
         if self._sleep.is_asleep:
@@ -161,7 +161,8 @@ class TrackerNode(StabNode):
 
     def _awaited(self) -> str:
         """What the first frame waits for, for people."""
-        return self._input.awaited + (" and camera_info" if self.camera else "")
+        camera = "" if self.camera is None else self.camera.awaited
+        return camera if self._input.held_up else " and ".join(filter(None, [self._input.awaited, camera]))
 
     def _fall_asleep(self) -> None:
         """Takes no more images; the engine keeps its reference."""

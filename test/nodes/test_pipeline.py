@@ -153,9 +153,11 @@ def test_a_player_in_the_process_waits_for_the_others_and_says_so(graph: Graph, 
         "/**/tracker_node": {"queue_depth": 0, "wait_for_subscribers": 1},
         "/**/velocimetry_node": {"autostart": False}})
     missing = "2 nodes of the process to take images, so far 1"
-    for node in ("bag_player", "tracker"):
-        graph.until(lambda name=f"cam/{node}_node": any(
-            (one.status[0].name, one.status[0].message) == (name, f"waiting for {missing}") for one in reports), node)
+
+    def waiting() -> set[str]:
+        return {one.status[0].name for one in reports if one.status[0].message == f"waiting for {missing}"}
+
+    graph.until(lambda: waiting() == {"cam/bag_player_node", "cam/tracker_node"}, "both waiting")
     graph.until(lambda: f"no images are taken: they wait for {missing}" in pipeline.log, "the warning")
     assert not answers
     shut_down(graph, "/cam/velocimetry_node", "unconfigured")
