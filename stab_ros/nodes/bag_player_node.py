@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -151,12 +151,20 @@ class BagPlayerNode(StabNode):
 
     def _wait_for_subscribers(self, bag: BagReader, spinner: Spinner) -> None:
         images = [name for name in self._outputs if holds_images(bag.topics[name])]
-        self._activity = f"waiting for {counted(self.settings.wait_for_subscribers, 'subscriber')}"
-        awaited = [self._outputs[name] for name in images or self._outputs]
         while self._plays_on(spinner):
-            if sum(publisher.subscribers for publisher in awaited) >= self.settings.wait_for_subscribers:
+            missing = self._missing(images)
+            if not missing:
                 return
+            self._activity = f"waiting for {missing}"
             spinner.once()
+
+    def _missing(self, images: Sequence[str]) -> str:
+        """What playing waits for, "" for nothing. images: topics of them."""
+        if images and self.images is not None and self.images.obstacle:
+            return self.images.obstacle
+        wanted = self.settings.wait_for_subscribers
+        there = sum(self._outputs[name].subscribers for name in images or self._outputs)
+        return counted(wanted, "subscriber") if there < wanted else ""
 
     def _play(self, bag: BagReader, spinner: Spinner) -> None:
         self._activity = "playing"

@@ -12,6 +12,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.imaging.camera import Camera
 from stab_ros.io.camera_message import read_camera
 from stab_ros.io.topics import CAMERA_INFO_TOPIC
+from stab_ros.nodes.missing_publisher import MissingPublisher
 from stab_ros.nodes.qos import AdaptiveSubscription, keep_all_offered
 
 _WARN_EVERY_S = 5.0
@@ -30,6 +31,8 @@ class CameraInfoSubscription:
         self.locked = False
         self._logger = node.get_logger()
         self._changed = changed
+        self._refusal = ""  # of the last message, as long as no camera is known
+        self._missing = MissingPublisher(self._logger)
         self._input = AdaptiveSubscription(node, CameraInfo, CAMERA_INFO_TOPIC, self._on_camera, keep_all_offered,
                                            "let it publish VOLATILE or TRANSIENT_LOCAL, RELIABLE or BEST_EFFORT")
         self.topic = self._input.topic
@@ -44,14 +47,26 @@ class CameraInfoSubscription:
         if told is not None and not _equal(told, self.camera):
             self._warn_of_change()
 
-    def refresh(self) -> None:
-        """Follows the publishers' QoS."""
+    def refresh(self, images_wait: bool = False) -> None:
+        """Follows the publishers' QoS. images_wait: whether they do for the camera."""
         self._input.refresh()
+        self._missing.look(images_wait, self._input.publishers, f"nobody publishes {self.topic}, no image is used "
+                           "before it comes; publish it, or set use_camera_info:=false to do without calibration")
+
+    @property
+    def awaited(self) -> str:
+        """What is needed for the camera to be known, for people; "" where it is."""
+        if self.camera is not None:
+            return ""
+        if self._refusal:
+            return f"a usable message on {self.topic}, the last one is refused: {self._refusal}"
+        return f"messages on {self.topic}" + ("" if self._input.publishers else ", nobody publishes it")
 
     def _on_camera(self, cdr: bytes, _info: Mapping[str, int]) -> None:
         try:
             camera = read_camera(cdr)
         except InputError as error:
+            self._refusal = str(error)
             self._logger.warning(f"{self.topic} is refused: {error}", throttle_duration_sec=_WARN_EVERY_S)
             return
         if self.camera is not None and _equal(camera, self.camera):

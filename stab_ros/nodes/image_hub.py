@@ -17,6 +17,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage, Image
 
+from stab_ros.core.text import counted
 from stab_ros.io.cdr import COMPRESSED_IMAGE, IMAGE
 from stab_ros.nodes import params
 from stab_ros.nodes.image_source import ImageSubscription, ImageSupply
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 RELIABLE_FIX = "let it offer RELIABLE, or set queue_depth:=1"
 _LOOK_S = 0.1
 _MOST_WAITING = 8  # images for a node that wants all of them
+_LOOKS = 50  # of a node, until it is said that no images can come: 5 s
 
 
 @dataclass(frozen=True)
@@ -62,11 +64,12 @@ class ImageHub(params.DeclaringNode):
             options: as of rclpy's node.
 
         Raises:
-            InputError: a quality of service is none.
+            InputError: a quality of service is none, or a parameter is given an empty value.
         """
         super().__init__(name, **options)
         self.awaited = 0
-        self._joined = 0  # so far
+        self._joined: set[str] = set()  # full names of nodes that have asked so far, or never will
+        self._is_spun = self._obstacle_is_told = False
         self._lock = RLock()  # of the channels and their members
         self._channels: dict[_Wish, _Channel] = {}
         self._supplied: set[str] = set()  # topics that come from a node of the process
@@ -83,6 +86,21 @@ class ImageHub(params.DeclaringNode):
         """See `ImageSource`."""
         return self.has_parameter(override) and is_used(self, override)
 
+    @property
+    def obstacle(self) -> str:
+        """See `ImageSource`."""
+        if not self._is_spun and self._obstacle_is_told:
+            return f"an executor that spins {self.get_fully_qualified_name()}"
+        there = len(self._joined)
+        return "" if there >= self.awaited else (
+            f"{counted(self.awaited, 'node')} of the process to take images, so far {there}")
+
+    def expect_no_more(self, name: str) -> None:
+        """The node of this full name will not ask for images: it is not waited for."""
+        with self._lock:
+            self._joined.add(name)
+            self._open()
+
     def join(self, node: Node, topic: str, compressed: bool, keep_all: bool,
              take: Callable[[ReceivedImage], None]) -> ImageSubscription:
         """See `ImageSource`."""
@@ -90,8 +108,8 @@ class ImageHub(params.DeclaringNode):
         with self._lock:
             if wish not in self._channels:
                 self._channels[wish] = _Channel(self, wish, self._lock)
-            member = _Member(node, self._channels[wish], take, self._leave)
-            self._joined += 1
+            member = _Member(node, self._channels[wish], take, self._leave, self._tell_obstacle)
+            self._joined.add(node.get_fully_qualified_name())
             self._open()
         return member
 
@@ -120,7 +138,7 @@ class ImageHub(params.DeclaringNode):
     def _open(self) -> None:
         """Subscribes to what nodes take, once enough of them do, and no node of the process publishes it."""
         for channel in self._channels.values():
-            if self._joined >= self.awaited and channel.wish.topic not in self._supplied:
+            if len(self._joined) >= self.awaited and channel.wish.topic not in self._supplied:
                 channel.open()
 
     def _leave(self, member: _Member) -> None:
@@ -129,7 +147,18 @@ class ImageHub(params.DeclaringNode):
             if not member.channel.members:
                 self._channels.pop(member.channel.wish).end()
 
+    def _tell_obstacle(self) -> None:
+        """Why a node has waited for some time, once; not so where nobody publishes images."""
+        with self._lock:
+            if self._obstacle_is_told or (self._is_spun and not self.obstacle):
+                return
+            self._obstacle_is_told = True
+            self.get_logger().warning(
+                f"no images are taken: they wait for {self.obstacle}" if self._is_spun else
+                "no images are taken: nobody spins this node, which takes them for others; add it to an executor too")
+
     def _refresh(self) -> None:
+        self._is_spun = True
         with self._lock:
             for channel in self._channels.values():
                 channel.refresh()
@@ -204,8 +233,9 @@ class _Member:
     """The images of one node: all of them wait for it, or the newest."""
 
     def __init__(self, node: Node, channel: _Channel, take: Callable[[ReceivedImage], None],
-                 leave: Callable[[_Member], None]) -> None:
+                 leave: Callable[[_Member], None], waited_long: Callable[[], None]) -> None:
         self._node, self.channel, self._take, self._leave = node, channel, take, leave
+        self._waited_long, self._looks = waited_long, 0
         self._waiting: deque[ReceivedImage] = deque(maxlen=None if channel.wish.keep_all else 1)
         self._ready = node.create_guard_condition(self._take_one)
         channel.members.append(self)
@@ -219,7 +249,10 @@ class _Member:
         return self.channel.publishers
 
     def refresh(self) -> None:
-        """Nothing is to be done: the hub follows the publishers by itself."""
+        """The hub follows the publishers by itself, if it is spun."""
+        self._looks += 1
+        if self._looks == _LOOKS:
+            self._waited_long()
 
     def close(self) -> None:
         """Ends it; the images that wait are dropped."""

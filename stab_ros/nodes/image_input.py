@@ -24,7 +24,7 @@ class ImageInput:
 
     compressed: subscribe to the topic's compressed images. keep_all: every image counts, not only the newest. may_pass:
     while it is false, images are held until `release`, or dropped unless `keep_all`. dropped: is told how many images
-    were lost.
+    were lost. held_up: whether the last one that came could not pass.
     """
 
     def __init__(self, node: StabNode, compressed: bool, keep_all: bool, may_pass: Callable[[], bool],
@@ -32,17 +32,19 @@ class ImageInput:
         self.msgtype = COMPRESSED_IMAGE if compressed else IMAGE
         self._node, self._keep_all, self._topic = node, keep_all, topic
         self._may_pass, self._take, self._dropped = may_pass, take, dropped
-        self._gaps = GapCounter()
+        self._gaps, self.held_up = GapCounter(), False
         self._held: deque[ReceivedImage] = deque(maxlen=_HELD_IMAGES)
         self._subscription: ImageSubscription | None = None
 
-    def open(self) -> str:
-        """Subscribes; returns the full name of the topic."""
+    def open(self) -> None:
+        """Subscribes, and says so."""
         topic = self._compressed_topic if self._compressed else self._node.resolve_topic_name(self._topic)
         images = self._node.images
         self._subscription = self._subscribe(topic) if images is None else images.join(
             self._node, topic, self._compressed, self._keep_all, self._on_image)
-        return self._subscription.topic
+        taken = self._subscription.topic
+        self._node.get_logger().info(f"ready for images from {taken}, waiting for {self._obstacle}" if self._obstacle
+                                     else f"ready, taking images from {taken}")
 
     def _subscribe(self, topic: str) -> AdaptiveSubscription:
         msg_class = CompressedImage if self._compressed else Image
@@ -55,12 +57,23 @@ class ImageInput:
             self._subscription.close()
         self._subscription = None
         self._gaps.suspend()
+        self.held_up = False
         self._dropped(len(self._held))
         self._held.clear()
 
     @property
     def is_open(self) -> bool:
         return self._subscription is not None
+
+    @property
+    def awaited(self) -> str:
+        """What is needed for images to come, for people; once it is open."""
+        assert self._subscription is not None
+        return self._obstacle or f"images on {self._subscription.topic}"
+
+    @property
+    def _obstacle(self) -> str:
+        return "" if self._node.images is None else self._node.images.obstacle
 
     @property
     def publishers(self) -> int:
@@ -94,6 +107,7 @@ class ImageInput:
 
     def release(self) -> None:
         """Passes the held images on."""
+        self.held_up = False
         while self._held:
             self._take(self._held.popleft())
 
@@ -102,7 +116,8 @@ class ImageInput:
 
     def _on_image(self, image: ReceivedImage) -> None:
         self._dropped(self._gaps.missed(image.number, self.publishers))
-        if self._may_pass():
+        self.held_up = not self._may_pass()
+        if not self.held_up:
             self._take(image)
         else:
             self._hold(image)

@@ -68,5 +68,9 @@ class ImageSource(Protocol):
             msgtype: of the images.
         """
 
+    @property
+    def obstacle(self) -> str:
+        """What images of the process wait for, "" for nothing."""
+
     def is_used(self, override: str) -> bool:
         """Whether it uses this parameter of a quality of service."""

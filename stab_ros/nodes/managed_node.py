@@ -31,7 +31,7 @@ from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
-from stab_ros.core.errors import ConfigError, InputError, StabRosError, WorkError
+from stab_ros.core.errors import StabRosError, WorkError
 from stab_ros.core.kernels import Compilation, compile_kernels
 from stab_ros.io.cdr import SECOND_NS
 from stab_ros.io.diagnostics_message import OK, WARN, diagnostics_cdr
@@ -95,14 +95,9 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         Raises:
             InputError: a parameter cannot be used.
         """
-        try:
-            params.DeclaringNode.__init__(self, name, given, **options)
-            LifecycleNodeMixin.__init__(self)
-            self._refuse_impossible_transitions()
-        except ValueError as error:
-            raise ConfigError(f"a parameter was given an empty value, it must be left out instead ({error})") from error
-        except RuntimeError as error:  # rclpy's RCLError, as where security is asked for and cannot be had
-            raise InputError(f"the node cannot be made: {str(error).split(', at ')[0]}") from error
+        params.DeclaringNode.__init__(self, name, given, **options)
+        LifecycleNodeMixin.__init__(self)
+        self._refuse_impossible_transitions()
         self.stop, self.free, self.images = StopRequest(), FreeTime(), images
         self.others = () if images is None else images.parameters
         self.at_once: CallbackGroup = MutuallyExclusiveCallbackGroup()

@@ -50,13 +50,21 @@ class DeclaringNode(Node):
             options: as of rclpy's node.
 
         Raises:
-            ValueError: a parameter was given an empty value.
+            ConfigError: a parameter was given an empty value.
+            InputError: there can be no such node.
         """
         options.setdefault("node_name", name)
         options["parameter_overrides"] = [*options.get("parameter_overrides", []),
                                           *(RosParameter(key, value=value) for key, value in (given or {}).items())]
-        super().__init__(automatically_declare_parameters_from_overrides=True, allow_undeclared_parameters=True,
-                         **options)
+        try:
+            super().__init__(automatically_declare_parameters_from_overrides=True, allow_undeclared_parameters=True,
+                             **options)
+        except ValueError as error:
+            empty = [name for name, one in self._parameter_overrides.items() if one.type_ is RosParameter.Type.NOT_SET]
+            raise ConfigError(f"{', '.join(empty) or 'a parameter'}: is given an empty value, it must have one, or be "
+                              f"left out{'' if empty else f' ({error})'}") from error
+        except RuntimeError as error:  # rclpy's RCLError, as where security is asked for and cannot be had
+            raise InputError(f"the node cannot be made: {str(error).split(', at ')[0]}") from error
         self.set_descriptor("use_sim_time",
                             ParameterDescriptor(type=ParameterType.PARAMETER_BOOL, description=_SIM_TIME))
         self.defaulted: dict[str, Value] = {}

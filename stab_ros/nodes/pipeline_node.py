@@ -10,6 +10,7 @@ from rclpy.executors import SingleThreadedExecutor
 
 from stab_ros.core.errors import ConfigError, InputError, StabRosError, WorkError
 from stab_ros.core.settings import Range, checked
+from stab_ros.core.text import counted
 from stab_ros.nodes import params
 from stab_ros.nodes.background_compilation import BackgroundCompilation
 from stab_ros.nodes.bag_player_node import BagPlayerNode
@@ -17,6 +18,7 @@ from stab_ros.nodes.discharge_node import DischargeNode
 from stab_ros.nodes.georeference_node import GeoreferenceNode
 from stab_ros.nodes.image_hub import ImageHub
 from stab_ros.nodes.managed_node import StabNode
+from stab_ros.nodes.placing_node import PlacingNode
 from stab_ros.nodes.runtime import spin, started
 from stab_ros.nodes.stopping import StopRequest
 from stab_ros.nodes.tracker_node import TrackerNode
@@ -26,6 +28,7 @@ from stab_ros.parameters.node_settings import PipelineSettings
 NODES: Mapping[str, type[TrackerNode | GeoreferenceNode | VelocimetryNode | DischargeNode | BagPlayerNode]] = {
     "tracker": TrackerNode, "georeference": GeoreferenceNode, "velocimetry": VelocimetryNode,
     "discharge": DischargeNode, "player": BagPlayerNode}
+_TAKE_IMAGES = (TrackerNode, PlacingNode)
 SETTINGS = params.table_of(PipelineSettings)
 _WAIT_S = 0.1  # until a signal is noticed
 _SWITCH_S = 0.0005  # a tracker that comes back from a kernel waits no longer for another node's Python code
@@ -37,7 +40,8 @@ class PipelineNode(ImageHub):
     def __init__(self) -> None:
         super().__init__("pipeline_node")
         values = params.declare(self, SETTINGS)
-        self.nodes, self.awaited = names_in(str(values["nodes"])), int(values["wait_for_nodes"])
+        self.nodes = names_in(str(values["nodes"]))
+        self.awaited = awaited_of(self.nodes, int(values["wait_for_nodes"]))
 
     @property
     def parameters(self) -> Collection[str]:
@@ -57,6 +61,19 @@ def names_in(text: str) -> list[str]:
     if not names or len({*names}) < len(names):
         raise ConfigError(f"nodes: {text!r} must name each node once, and one at least, as [tracker, velocimetry]")
     return names
+
+
+def awaited_of(nodes: Sequence[str], wait_for_nodes: int) -> int:
+    """How many of the nodes must be ready for images before any is taken: all, where one of them plays a recording.
+
+    Raises:
+        ConfigError: fewer of them take images than are waited for.
+    """
+    takers = [name for name in nodes if issubclass(NODES[name], _TAKE_IMAGES)]
+    if wait_for_nodes > len(takers):
+        raise ConfigError(f"wait_for_nodes: {wait_for_nodes} is out of range, it must lie in [0, {len(takers)}], as "
+                          f"{counted(len(takers), 'node')} of {', '.join(nodes)} take images")
+    return wait_for_nodes or len(takers) * ("player" in nodes)
 
 
 def run(stop: StopRequest) -> int:
@@ -98,7 +115,7 @@ def _spin_all(hub: PipelineNode, nodes: Sequence[StabNode], stop: StopRequest,
     executor = SingleThreadedExecutor()
     executor.add_node(hub)
     with ThreadPoolExecutor(len(nodes), "node") as threads:
-        work = [threads.submit(_spin_one, node, compilation if node.COMPUTES else None) for node in nodes]
+        work = [threads.submit(_spin_one, node, hub, compilation if node.COMPUTES else None) for node in nodes]
         try:
             while not (stop.requested or _is_over(work)):
                 executor.spin_once(_WAIT_S)
@@ -117,10 +134,12 @@ def _is_over(work: Sequence[Future[None]]) -> bool:
     return len(ended) == len(work) or any(one.exception() is not None for one in ended)
 
 
-def _spin_one(node: StabNode, compilation: BackgroundCompilation | None) -> None:
-    name = node.get_name()
+def _spin_one(node: StabNode, hub: PipelineNode, compilation: BackgroundCompilation | None) -> None:
+    name, full_name = node.get_name(), node.get_fully_qualified_name()
     try:
         spin(node, compilation)
     except StabRosError as error:
         kind = InputError if isinstance(error, InputError) else WorkError
         raise kind(f"{name}: {error}") from error
+    if isinstance(node, _TAKE_IMAGES):
+        hub.expect_no_more(full_name)

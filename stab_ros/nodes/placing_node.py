@@ -28,6 +28,7 @@ from stab_ros.nodes.georeference_status import GeoreferenceStatus
 from stab_ros.nodes.image_input import ImageInput
 from stab_ros.nodes.level_stamps import LevelStamps
 from stab_ros.nodes.managed_node import StabNode
+from stab_ros.nodes.missing_publisher import MissingPublisher
 from stab_ros.nodes.motion_input import MotionInput, Told
 from stab_ros.nodes.patience import Patience
 from stab_ros.nodes.received_image import ReceivedImage
@@ -78,6 +79,7 @@ class PlacingNode(StabNode):
         self._newest_ns = -1  # stamp of the newest frame; -1: none has come
         self._resets = 0  # as far as they were said
         self._patience: dict[str, Patience] = {}  # with the topics that frames wait for
+        self._missing: dict[str, MissingPublisher] = {}  # of those
         self._warnings = ThrottledWarnings(self.get_logger())
         self._stamps, self.failures = StampMonitor(), Failures(self.get_logger())
         self.placer = FramePlacer(values, self._stabilized, self._known_camera, self.failures, self, make_engine)
@@ -157,12 +159,14 @@ class PlacingNode(StabNode):
         self._sensors.refresh()
         self.status.faults = self._sensors.faults
         if self._camera_info is not None:
-            self._camera_info.refresh()
+            self._camera_info.refresh(self._images.held_up)
         if self._motions is not None:
             self._motions.refresh()
         self.refresh()
         if self._images.is_open:
             self._images.refresh()
+            self._tell_missing()
+            self.status.waiting_for = self._awaited()
             self._give_up_waiting()
         elif self.subscribers >= self.settings.wait_for_subscribers:
             self._open()
@@ -171,10 +175,17 @@ class PlacingNode(StabNode):
             self.status.waiting_for = f"{subscribers} of {self.awaited_topic}"
 
     def _open(self) -> None:
-        topic = self._images.open()
+        self._images.open()
         self._open_inputs()
-        self.status.waiting_for = f"images on {topic}" + (" and camera_info" if self._camera_info else "")
-        self.get_logger().info(f"ready, taking images from {topic}")
+        self.status.waiting_for = self._awaited()
+
+    def _awaited(self) -> str:
+        """What the first frame waits for, for people."""
+        camera = "" if self._camera_info is None else self._camera_info.awaited
+        if self._images.held_up:
+            return camera
+        late = [self._told_of(topic) for topic in self._patience if self._is_awaited(topic)]
+        return " and ".join(filter(None, late or [self._images.awaited, camera]))
 
     def _open_inputs(self) -> None:
         """Subscribes to what the orientation takes, once: it may be changed, and changed back."""
@@ -263,6 +274,27 @@ class PlacingNode(StabNode):
     def _await(self, topic: str) -> None:
         """Frames wait for messages of this topic from now on."""
         self._patience.setdefault(topic, Patience(round(self.settings.wait_s * SECOND_NS)))
+
+    def _tell_missing(self) -> None:
+        """That nobody publishes what frames wait for, once for each topic."""
+        for topic in self._patience:
+            missing = self._missing.setdefault(topic, MissingPublisher(self.get_logger()))
+            missing.look(self._is_awaited(topic), self._publishers_of(topic),
+                         f"nobody publishes {self._name_of(topic)}: frames wait for it up to "
+                         f"{self.settings.wait_s:g} s (wait_s), then they go without")
+
+    def _told_of(self, topic: str) -> str:
+        """That frames wait for it, for people."""
+        return f"messages on {self._name_of(topic)}" + ("" if self._publishers_of(topic) else ", nobody publishes it")
+
+    def _name_of(self, topic: str) -> str:
+        """Full names, for people."""
+        return " or ".join(one.topic for one in self._sensors.sources(topic)) if topic in _SENSORS else topic
+
+    def _publishers_of(self, topic: str) -> int:
+        if topic in _SENSORS:
+            return sum(one.publishers for one in self._sensors.sources(topic))
+        return 0 if self._motions is None else self._motions.publishers
 
     def _heard(self, topic: str) -> None:
         if topic in self._patience:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol, TypeVar
 
 from geometry_msgs.msg import PointStamped, QuaternionStamped
@@ -69,6 +69,10 @@ class SensorInputs:
     def faults(self) -> dict[str, str]:
         """What is wrong with the publishers, by topic."""
         return {one.topic: one.fault for one in self._all if one.fault}
+
+    def sources(self, topic: str) -> Sequence[GraphSubscription]:
+        """What positions (`fix`) come from, or attitudes."""
+        return [self._fix] if topic == FIX_TOPIC else [*self._attitudes.values()]
 
     def refresh(self) -> None:
         """Follows the publishers."""

@@ -143,21 +143,26 @@ class TrackerNode(StabNode):
         self._reset_if_asked()
         self.outputs.pictures.refresh()
         if self.camera is not None:
-            self.camera.refresh()
+            self.camera.refresh(self._input.held_up)
         self._sleep.look(self.outputs.subscribers, busy=self.stabilizer.buffering)
         self.status.asleep = self._sleep.is_asleep
         if self._sleep.is_asleep:
             self._fall_asleep()
         elif self._input.is_open:
             self._input.refresh()
+            self.status.waiting_for = self._awaited()
             self._end_buffering_in_pause(self._input.publishers)
         elif self.outputs.homography.subscribers >= self.settings.wait_for_subscribers:
-            topic = self._input.open()
-            self.status.waiting_for = f"images on {topic}" + (" and camera_info" if self.camera else "")
-            self.get_logger().info(f"ready, taking images from {topic}")
+            self._input.open()
+            self.status.waiting_for = self._awaited()
         else:
             subscribers = counted(self.settings.wait_for_subscribers, "subscriber")
             self.status.waiting_for = f"{subscribers} of {HOMOGRAPHY_TOPIC}"
+
+    def _awaited(self) -> str:
+        """What the first frame waits for, for people."""
+        camera = "" if self.camera is None else self.camera.awaited
+        return camera if self._input.held_up else " and ".join(filter(None, [self._input.awaited, camera]))
 
     def _fall_asleep(self) -> None:
         """Takes no more images; the engine keeps its reference."""

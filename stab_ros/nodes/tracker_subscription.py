@@ -7,9 +7,9 @@ from typing import Any
 from rclpy.node import Node
 
 from stab_ros.io.topics import HOMOGRAPHY_TOPIC, TRACKER_NAME, topic_in
+from stab_ros.nodes.missing_publisher import MissingPublisher
 from stab_ros.nodes.qos import AdaptiveSubscription, Choice, RawCallback
 
-_LOOKS = 50  # in vain until it is said: 5 s
 _FIX = "let it offer RELIABLE or BEST_EFFORT, VOLATILE or TRANSIENT_LOCAL"
 
 
@@ -26,7 +26,7 @@ class TrackerSubscription:
         self._relative = topic_in(TRACKER_NAME, topic)
         usual = node.resolve_topic_name(self._relative)
         self._is_remapped = usual != node.resolve_topic_name(self._relative, only_expand=True)
-        self._in_vain = 0  # looks in a row
+        self._missing = MissingPublisher(node.get_logger())
         self._subscription = self._subscribe(self._found(usual))
 
     @property
@@ -47,7 +47,8 @@ class TrackerSubscription:
             self._subscription = self._subscribe(topic)
         else:
             self._subscription.refresh()
-        self._tell_missing(needed and not self.publishers)
+        self._missing.look(needed, self.publishers, f"nobody publishes {self.topic}: {self._consequence}; if the "
+                           f"tracker publishes it under another name, remap it, as -r {self._relative}:=NAME")
 
     def close(self) -> None:
         """Ends the subscription."""
@@ -63,10 +64,3 @@ class TrackerSubscription:
         homographies = self._node.get_publishers_info_by_topic(self._node.resolve_topic_name(HOMOGRAPHY_TOPIC))
         own = [f"{one.node_namespace.rstrip('/')}/{one.node_name}/{self._name}" for one in homographies]
         return next((topic for topic in own if self._node.count_publishers(topic)), now)
-
-    def _tell_missing(self, missing: bool) -> None:
-        self._in_vain = self._in_vain + 1 if missing else 0
-        if self._in_vain >= _LOOKS:
-            self._node.get_logger().warning(
-                f"nobody publishes {self.topic}: {self._consequence}; if the tracker publishes it under another name, "
-                f"remap it, as -r {self._relative}:=NAME", once=True)

@@ -158,5 +158,6 @@ class PipelineSettings(Checked):
         "[tracker, velocimetry]", "Nodes of the process, a list of tracker, georeference, velocimetry, discharge and "
         "player")
     wait_for_nodes: int = setting(
-        0, "Number of nodes of the process that must be ready for images before any is taken; as many as take them, "
-        "where a recording is played and none is to be lost", 0, 3)
+        0, "Number of nodes of the process that must be ready for images before any is taken or played; 0: all that "
+        "take images, where the player is among the nodes, else one; as many as take them, where a recording is played "
+        "by another process and none is to be lost", 0, 3)

@@ -57,6 +57,8 @@ def test_all_parameters_are_declared_with_their_meaning_and_range(make_node: Mak
 
 def test_overrides_are_taken_and_judged(make_node: MakeNode) -> None:
     assert params.declare(make_node(stale_s=3, queue_depth=0), SETTINGS)["stale_s"] == 3.0
+    with pytest.raises(ConfigError, match="exclude: is given an empty value"):
+        make_node(exclude=None)
     with pytest.raises(ConfigError, match="queue_depth: 2 is out of range"):
         params.declare(make_node(queue_depth=2), SETTINGS)
     with pytest.raises(ConfigError, match=r"stale_s: True is a bool, it must be a float"):

@@ -52,7 +52,7 @@ all_frames = Parameter("queue_depth", value=0)
 tracker = TrackerNode(images=hub, parameter_overrides=[all_frames, Parameter("wait_for_subscribers", value=3)])
 velocimetry = VelocimetryNode(images=hub, parameter_overrides=[all_frames])
 executor = MultiThreadedExecutor(4) if sys.argv[1] == "multi" else SingleThreadedExecutor()
-for node in (own, hub, tracker, velocimetry):
+for node in (own, tracker, velocimetry) if sys.argv[1] == "forgotten" else (own, hub, tracker, velocimetry):
     executor.add_node(node)
 try:
     executor.spin()
@@ -117,7 +117,7 @@ def test_a_player_in_the_process_hands_its_images_over(graph: Graph, tmp_path: P
     seen: set[str] = set()  # who subscribed to images
     pipeline = start(graph, tmp_path, {
         "/**/pipeline_node": {"nodes": ["player", *NODES]},
-        "/**/bag_player_node": {"bag": str(flown), "rate": 100.0, "wait_for_subscribers": 2},
+        "/**/bag_player_node": {"bag": str(flown), "rate": 100.0},
         "/**/tracker_node": {"queue_depth": 0, "wait_for_subscribers": 2},
         "/**/velocimetry_node": {"queue_depth": 0, "use_camera_info": False}})
 
@@ -140,6 +140,30 @@ def shut_down(graph: Graph, node: str, at: str) -> None:
     client = graph.node.create_client(ChangeState, f"{node}/change_state")
     graph.until(client.service_is_ready, "the service")
     client.call_async(ChangeState.Request(transition=Transition(id=SHUTDOWN[at])))
+
+
+def test_a_player_in_the_process_waits_for_the_others_and_says_so(graph: Graph, tmp_path: Path) -> None:
+    """For all that take images, but not for one that has ended."""
+    flown = write_mcap(tmp_path / "flown.mcap", list(entries(shots())))
+    answers: list[Any] = graph.listen(CameraInfo, "/cam/homography", 500)
+    reports: list[Any] = graph.listen(DiagnosticArray, "/diagnostics")
+    pipeline = start(graph, tmp_path, {
+        "/**/pipeline_node": {"nodes": ["player", *NODES]},
+        "/**/bag_player_node": {"bag": str(flown), "rate": 100.0},
+        "/**/tracker_node": {"queue_depth": 0, "wait_for_subscribers": 1},
+        "/**/velocimetry_node": {"autostart": False}})
+    missing = "2 nodes of the process to take images, so far 1"
+
+    def waiting() -> set[str]:
+        return {one.status[0].name for one in reports if one.status[0].message == f"waiting for {missing}"}
+
+    graph.until(lambda: waiting() == {"cam/bag_player_node", "cam/tracker_node"}, "both waiting")
+    graph.until(lambda: f"no images are taken: they wait for {missing}" in pipeline.log, "the warning")
+    assert not answers
+    shut_down(graph, "/cam/velocimetry_node", "unconfigured")
+    graph.until(lambda: len(answers) == FRAMES, "every frame answered")
+    assert pipeline.log.count("no images are taken") == 1
+    assert pipeline.stop() == 0
 
 
 def test_each_node_has_its_states(graph: Graph, flight: list[Shot]) -> None:
@@ -208,13 +232,28 @@ def test_nodes_share_images_in_a_process_of_somebody_else(graph: Graph, kind: st
         np.testing.assert_allclose(np.reshape(answer.r, (3, 3)), H, rtol=0, atol=1e-9)
 
 
+@pytest.mark.thorough
+def test_a_shared_subscription_that_nobody_spins_is_said(graph: Graph, tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    with log.open("w") as errors, subprocess.Popen(
+            [sys.executable, "-c", PROGRAM, "forgotten"], env=graph.environment, stderr=errors) as process:
+        try:
+            graph.until(lambda: "[cam.image_hub]: no images are taken: nobody spins this node" in log.read_text(),
+                        "the warning")
+        finally:
+            process.send_signal(signal.SIGINT)
+    assert log.read_text().count("nobody spins") == 1
+
+
 @pytest.mark.parametrize(("parameters", "remap", "words"), [
     ({"nodes": ["tracker", "velocimetri"]}, {}, "did you mean velocimetry?"),
     ({"nodes": ["tracker", "tracker"]}, {}, "must name each node once"),
+    ({"nodes": []}, {}, "nodes: is given an empty value"),
+    ({"nodes": NODES, "wait_for_nodes": 3}, {}, "wait_for_nodes: 3 is out of range, it must lie in [0, 2]"),
     ({"nodes": NODES, "extract_s": 0.0}, {}, "velocimetry: extract_s"),
     ({"nodes": NODES}, {"__node": "river"}, "rename one alone"),
     ({"nodes": ["discharge"], "section_file": "none.csv"}, {}, "discharge: none.csv"),
-], ids=["name", "twice", "parameter", "names", "file"])
+], ids=["name", "twice", "empty", "wait", "parameter", "names", "file"])
 def test_what_cannot_be_ends_with_a_line(
     graph: Graph, parameters: dict[str, Any], remap: dict[str, str], words: str
 ) -> None:

@@ -1,0 +1,23 @@
+"""That nobody publishes what a node needs, said once."""
+
+from __future__ import annotations
+
+from rclpy.impl.rcutils_logger import RcutilsLogger
+
+_LOOKS = 50  # in vain until it is said: 5 s
+
+
+class MissingPublisher:
+    """Of one topic; `look` is to be called ten times a second."""
+
+    def __init__(self, logger: RcutilsLogger) -> None:
+        self._logger = logger
+        self._in_vain = 0  # looks since somebody published it
+        self._is_told = False
+
+    def look(self, needed: bool, publishers: int, text: str) -> None:
+        """needed: whether anything waits for the topic. text: what to say; where nothing waits, time does not count."""
+        self._in_vain = 0 if publishers else self._in_vain + needed
+        if self._in_vain >= _LOOKS and not self._is_told:
+            self._is_told = True
+            self._logger.warning(text)
