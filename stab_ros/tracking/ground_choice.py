@@ -21,7 +21,7 @@ them all.) Where the sum stays small, the choice is ambiguous, and the other pla
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import cv2
@@ -41,6 +41,7 @@ _BESIDE = 1.6  # times the mean distance of the features
 CERTAIN_ODDS = 1.65  # odds of 5 to 1, more than drift and size alone can give
 _CAUTION = 1.0
 _APART_PX = 1.0  # planes that separate by less make no difference
+_SAME_PX = 0.1  # planes that never separate by more are one, parted by frames that show neither well
 _UNSTEADY = 0.3  # largest share of the separation that is not in proportion to time
 
 
@@ -101,6 +102,7 @@ def choose_ground(planes: list[Plane], seen: Observations, provisional: bool = F
 
     provisional: too little was seen to be certain, so any other plane is a competing hypothesis, whatever the odds.
     """
+    planes = _distinct(planes, seen)
     cues = _cues(planes, seen)
     odds = np.array([[a.odds_against(b) for b in cues] for a in cues])
     best = int(np.argmax(np.min(odds - _cautions(planes), axis=1)))
@@ -108,6 +110,28 @@ def choose_ground(planes: list[Plane], seen: Observations, provisional: bool = F
     certain = math.inf if provisional else CERTAIN_ODDS
     found = (_competing(planes[best], planes[k], cues[best], cues[k], seen, certain) for k in others)
     return Choice(planes[best], tuple(other for other in found if other is not None))
+
+
+def _distinct(planes: list[Plane], seen: Observations) -> list[Plane]:
+    """The planes, the largest first; one that moves as a larger one does is part of it."""
+    kept: list[Plane] = []
+    for plane in sorted(planes, key=len, reverse=True):
+        same = next((k for k, other in enumerate(kept) if _are_one(plane, other, seen)), None)
+        if same is None:
+            kept.append(plane)
+        else:
+            kept[same] = replace(kept[same], member=kept[same].member | plane.member)
+    return kept
+
+
+def _are_one(plane: Plane, other: Plane, seen: Observations) -> bool:
+    """Whether two planes never separate, where the features of the smaller one lie."""
+    both = np.flatnonzero(~np.isnan(plane.ref_H_cur[:, 0, 0]) & ~np.isnan(other.ref_H_cur[:, 0, 0]))
+    if plane.at_rest or other.at_rest or not len(both):
+        return False
+    at_px = seen.reference_px[plane.member]
+    apart = [apply(other.ref_H_cur[f] @ np.linalg.inv(plane.ref_H_cur[f]), at_px) - at_px for f in both.tolist()]
+    return max(float(np.median(np.hypot(*off.T))) for off in apart) < _SAME_PX
 
 
 def _cautions(planes: list[Plane]) -> FloatArray:

@@ -53,6 +53,17 @@ def test_a_hovering_camera_may_drift_any_way(of_camera_px: tuple[float, float]) 
     assert choice.others == ()
 
 
+def test_features_that_move_alike_are_one_ground() -> None:
+    """A codec leaves frames in which no plane is told, and those have parted the features in two groups."""
+    away_px = np.stack([3 * np.sin(5 * ELAPSED_S), 2 * np.cos(7 * ELAPSED_S)], -1)
+    outer = np.abs(LATTICE_PX - (160, 120)).max(axis=1) > 100
+    few = outer & ((LATTICE_PX // 10).sum(axis=1) % 5 == 0)
+    many = ~outer & ((LATTICE_PX // 10).sum(axis=1) % 3 > 0)
+    choice = choose_ground([moved(many, away_px), moved(few, away_px + 0.02)], observed())
+    np.testing.assert_array_equal(choice.ground.member, many | few)
+    assert choice.others == ()
+
+
 def test_ground_of_less_texture_than_glitter_is_ground() -> None:
     """Most features of the banks keep their weak texture; hardly any of the strong ones on the water do."""
     x, y = (LATTICE_PX // 10).astype(int).T
