@@ -207,7 +207,7 @@ def test_what_cannot_be_configured_says_why_and_may_be_mended(graph: Graph) -> N
 
 @pytest.mark.thorough
 def test_a_node_that_brings_itself_up_is_managed_too(graph: Graph) -> None:
-    graph.start("tracker_node")
+    tracker = graph.start("tracker_node")
     graph.until(lambda: graph.node.count_subscribers("image_raw"), "the tracker takes images")
     graph.until(lambda: state(graph, "tracker_node") == "active", "the end of the transition")
     assert change(graph, "tracker_node", DEACTIVATE)
@@ -216,6 +216,8 @@ def test_a_node_that_brings_itself_up_is_managed_too(graph: Graph) -> None:
     assert change(graph, "tracker_node", CONFIGURE)
     assert change(graph, "tracker_node", ACTIVATE)
     graph.until(lambda: graph.node.count_subscribers("image_raw"), "the tracker takes images again")
+    ready = "ready, taking images from /image_raw"
+    assert said(tracker, "INFO") == [ready, "deactivated", "cleaned up", "configured", ready]
 
 
 @pytest.mark.thorough
@@ -235,6 +237,18 @@ def test_a_replay_pauses_and_goes_on(graph: Graph, recordings: dict[str, Path]) 
     assert stamps == sorted(set(stamps))
     graph.until(lambda: state(graph, "bag_player_node") == "inactive", "the end")
     assert player.stop() == 0
+
+
+def test_a_replay_is_shut_down_in_its_middle(graph: Graph, recordings: dict[str, Path]) -> None:
+    heard = graph.listen(Image, IMAGE_TOPIC)
+    player = graph.start("bag_player_node", bag=str(recordings["mcap"]), autostart=False, wait_for_subscribers=1,
+                         rate=0.1)
+    assert change(graph, "bag_player_node", CONFIGURE)
+    assert change(graph, "bag_player_node", ACTIVATE)
+    graph.until(lambda: heard, "an image")
+    assert change(graph, "bag_player_node", SHUTDOWN["active"])
+    assert player.wait() == 0
+    assert said(player, "INFO") == ["configured", "activated", "shut down"]
 
 
 @pytest.mark.thorough
