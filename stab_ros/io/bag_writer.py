@@ -33,6 +33,7 @@ _TIME_END = 2**64
 class BagWriter:
     """Writes `path`.partial, which becomes `path` when the context is left without an error.
 
+    option: by which the user overwrites it, for the error.
     An InputError on the way removes it: nothing is left behind. Any other error keeps it, closed and readable.
 
     Raises:
@@ -40,7 +41,7 @@ class BagWriter:
         WorkError: writing failed half way, the disk is full.
     """
 
-    def __init__(self, path: Path, overwrite: bool = False) -> None:
+    def __init__(self, path: Path, overwrite: bool = False, option: str = "--force") -> None:
         self.path = path = final_path(path)
         self.partial = path.parent / f"{path.name}.partial"
         self._channels: dict[str, int] = {}
@@ -49,7 +50,7 @@ class BagWriter:
         self._extras: list[AttachmentIndex | MetadataIndex] = []
         self._pending_bytes = 0
         self._chunk_since = time.monotonic()
-        self._file = _open(path, self.partial, overwrite)
+        self._file = _open(path, self.partial, overwrite, option)
         self._intact_end = 0
         # Not compressed: on camera images lz4 saves 0 to 23 % and takes 0.6 to 2.4 ms/MB, zstd 7 to 40 % and 1.5 to
         # 7 ms/MB, where writing takes 0.3 to 1 ms/MB: a 4K frame would cost a third of its time at 25 Hz.
@@ -230,13 +231,13 @@ class _UnbufferedFile:
         """Nothing is buffered."""
 
 
-def _open(path: Path, partial: Path, overwrite: bool) -> FileIO:
+def _open(path: Path, partial: Path, overwrite: bool, option: str) -> FileIO:
     try:
         if path.is_dir():
             raise InputError(f"{path}: is a folder, the output must be an .mcap file")
         for taken in (path, partial):
             if taken.exists() and not overwrite:
-                raise InputError(f"{taken}: exists already, choose another name or overwrite it with --force")
+                raise InputError(f"{taken}: exists already, choose another name or overwrite it with {option}")
         return FileIO(partial, "wb+" if overwrite else "xb+")
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}; it must lie in a folder that can be") from error

@@ -195,12 +195,12 @@ class BagPlayerNode(StabNode):
             self._messages += 1
 
     def _wait_until_due(self, message: Message, spinner: Spinner) -> None:
-        schedule, wait_ns = self._schedule, 0
+        schedule, wait_ns, now_ns = self._schedule, 0, 0
         due_ns = schedule.due_ns(message.log_time_ns)
-        while True:
+        while self._plays_on(spinner):  # if not, all that is needed to play may be gone
             now_ns = time.monotonic_ns()
             self._publish_clock(min(schedule.bag_time_ns(now_ns), message.log_time_ns), at_once=now_ns >= due_ns)
-            if now_ns >= due_ns or not self._plays_on(spinner):
+            if now_ns >= due_ns:
                 break
             wait_ns = min(due_ns - now_ns, _TICK_NS)
             spinner.once(wait_ns / SECOND_NS)

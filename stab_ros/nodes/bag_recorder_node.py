@@ -57,11 +57,11 @@ class BagRecorderNode(StabNode):
         self._gaps: defaultdict[str, GapCounter] = defaultdict(GapCounter)
         self._messages = self._bytes = self._lost = 0
         self._failure: WorkError | None = None
-        self._writer = BagWriter(Path(self.settings.output), self.settings.overwrite)
+        self._writer = BagWriter(Path(self.settings.output), self.settings.overwrite, "-p overwrite:=true")
         self.at_cleanup(self._writer.close)
 
     def activate(self) -> None:
-        self.get_logger().info(f"recording to {self.settings.output}")
+        self.tell(f"recording to {self.settings.output}")
 
     def deactivate(self) -> None:
         """Pauses the recording."""

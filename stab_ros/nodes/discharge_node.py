@@ -71,6 +71,7 @@ class DischargeNode(StabNode):
         if self._inputs is not None:
             self._inputs.close()
             self._inputs = None
+        self.status.suspend()
 
     def flush(self) -> None:
         self._output.flush()
@@ -84,7 +85,7 @@ class DischargeNode(StabNode):
         """Follows the publishers, once subscribers are there."""
         if self._inputs is None and self._output.subscribers >= self.settings.wait_for_subscribers:
             self._inputs = DischargeInputs(self, self.settings.water_level_type, self)
-            self.get_logger().info(f"ready, taking velocities from {self._inputs.velocity.topic}")
+            self.tell(f"ready, taking velocities from {self._inputs.velocity.topic}")
         if self._inputs is not None:
             self._inputs.refresh()
             self.status.faults = self._inputs.faults
@@ -147,6 +148,7 @@ class DischargeNode(StabNode):
 
     # diagnostics and parameters --------------------------------------------------------------------------------------
     def report(self) -> None:
+        self.status.paused = self.is_paused
         self.status.level_doubts = self._running.level_doubts(self._newest_ns)
         self.status.level_missing, self.status.level_from = self._level_missing(), self._level_from()
         if self.status.level_missing:

@@ -12,7 +12,7 @@ from stab_ros.nodes.diagnostic_status import DiagnosticStatus
 from stab_ros.nodes.stream_timeout import StreamTimeout
 
 _COUNTS = ("intervals", "vectors_in", "water_levels", "messages_refused", "discharges", "discharges_missing")
-_LEVELS = {"GATHERING": OK, "MEASURED": OK, "STALE": ERROR}  # all else: WARN
+_LEVELS = {"INACTIVE": OK, "GATHERING": OK, "MEASURED": OK, "STALE": ERROR}  # all else: WARN
 
 
 class DischargeStatus:
@@ -21,6 +21,7 @@ class DischargeStatus:
     def __init__(self, stale_ns: int, doubts: tuple[str, ...]) -> None:
         """doubts: of the section."""
         self.waiting_for = "velocities"
+        self.paused = False  # the node is inactive, and nothing is taken
         self.level_doubts: tuple[str, ...] = ()  # until there is a reading, which has them among its own
         self.level_missing = ""  # why none has come, where that is doubtful
         self.level_from = ""  # "water_level", "wse_m", or "" for none
@@ -41,6 +42,10 @@ class DischargeStatus:
         self.count("intervals")
         self.count("vectors_in", vectors)
 
+    def suspend(self) -> None:
+        """No velocities are expected until the next ones."""
+        self._timeout.suspend()
+
     def on_level(self, stamp_ns: int) -> None:
         """From when the last water level holds."""
         self._level_ns = stamp_ns
@@ -60,16 +65,20 @@ class DischargeStatus:
 
     def report(self, free_ns: int) -> DiagnosticStatus:
         """The status since the last report."""
-        state, reading = self._state(free_ns), self._reading
+        state = self._state(free_ns)
         once, self._warnings = self._warnings, {}
-        of_reading = self.level_doubts if reading is None else reading.warnings
-        missing = [self.level_missing] if self.level_missing else []
-        warnings = [*self._doubts, *of_reading, *missing, *self.faults.values(), *once.values()]
+        warnings = [*self._doubts, *(() if self.paused else self._doubts_of_stream()), *once.values()]
         level = _LEVELS.get(state, WARN)
         message = "; ".join([self._message(state, free_ns), *warnings])
         return DiagnosticStatus(max(level, WARN) if warnings else level, message, self._values(state))
 
+    def _doubts_of_stream(self) -> list[str]:
+        of_reading = self.level_doubts if self._reading is None else self._reading.warnings
+        return [*of_reading, *filter(None, [self.level_missing]), *self.faults.values()]
+
     def _state(self, free_ns: int) -> str:
+        if self.paused:
+            return "INACTIVE"
         if not self._timeout.has_begun:
             return "WAITING"
         if self._timeout.is_stale(free_ns):
@@ -79,6 +88,8 @@ class DischargeStatus:
         return "UNMEASURED" if self._reading.discharge is None else "MEASURED"
 
     def _message(self, state: str, free_ns: int) -> str:
+        if state == "INACTIVE":
+            return "takes no velocities"
         if state == "WAITING":
             return f"waiting for {self.waiting_for}"
         if state == "STALE":

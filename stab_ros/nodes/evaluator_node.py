@@ -91,6 +91,7 @@ class EvaluatorNode(StabNode):
         if self._inputs is not None:
             self._inputs.close()
             self._inputs = None
+        self.status.suspend()
         self._queue(self._pairing.flush())
         while self._backlog:
             self._measure_one()
@@ -119,7 +120,7 @@ class EvaluatorNode(StabNode):
         """Follows the publishers, gives up waiting for lost messages, and checks whether the stream has stopped."""
         if self._inputs is None and self.outputs.metrics.subscribers >= self.settings.wait_for_subscribers:
             self._inputs = EvaluatorInputs(self, self)
-            self.get_logger().info(f"ready, taking images from {self._inputs.image.topic}")
+            self.tell(f"ready, taking images from {self._inputs.image.topic}")
         if self._inputs is not None:
             self._inputs.refresh()
         if self._waits_in_vain():
@@ -236,7 +237,7 @@ class EvaluatorNode(StabNode):
             self.report()
 
     def report(self) -> None:
-        now_ns = time.monotonic_ns()
+        now_ns, self.status.paused = time.monotonic_ns(), self.is_paused
         status = self.status.report(now_ns, self._backlog.delay_ns(now_ns), self.free.ns)
         self._reported_level = status.level
         self.publish_diagnostics(status)

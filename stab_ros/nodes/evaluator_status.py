@@ -40,6 +40,7 @@ class EvaluatorStatus:
 
     def __init__(self, window_ns: int, alarm_ns: int, stale_ns: int) -> None:
         self.waiting_for = "images"
+        self.paused = False  # the node is inactive, and no images are taken
         self._window_ns, self._alarm_ns, self._timeout = window_ns, alarm_ns, StreamTimeout(stale_ns)
         self._counts: Counter[str] = Counter()
         self._measured: deque[tuple[int, Mapping[str, float]]] = deque()
@@ -49,6 +50,10 @@ class EvaluatorStatus:
     def on_alive(self, free_ns: int) -> None:
         """An image has arrived, or the message that the frame is lost and has none."""
         self._timeout.on_image(free_ns)
+
+    def suspend(self) -> None:
+        """No images are expected until the next one."""
+        self._timeout.suspend()
 
     def on_frame(self, arrival: Arrival) -> None:
         """A frame that is to be measured."""
@@ -96,7 +101,7 @@ class EvaluatorStatus:
         problems = sorted(self._current_problems(now_ns, delay_ns, free_ns), key=lambda one: -one[0])
         texts = [text for _, text in problems]
         more = [f"and {len(texts) - _SHOWN} more"] if len(texts) > _SHOWN else []
-        message = "; ".join([*texts[:_SHOWN], *more]) or f"no problem up to {self._last}"
+        message = "; ".join([*texts[:_SHOWN], *more]) or self._fine
         return DiagnosticStatus(max((level for level, _ in problems), default=Level.OK), message,
                                 self._values(delay_ns, free_ns))
 
@@ -117,11 +122,15 @@ class EvaluatorStatus:
             yield Level.WARN, f"waiting for {self.waiting_for}"
 
     @property
+    def _fine(self) -> str:
+        return f"no problem up to {self._last}" if self._last else "takes no images"
+
+    @property
     def _is_waiting(self) -> bool:
-        return not (self._timeout.has_begun and self._last)
+        return not (self.paused or (self._timeout.has_begun and self._last))
 
     def _is_stale(self, free_ns: int) -> bool:
-        return bool(self._last) and self._timeout.is_stale(free_ns)
+        return bool(self._last) and not self.paused and self._timeout.is_stale(free_ns)
 
     def _problem(self, now_ns: int, level: Level, frame: str, text: str) -> None:
         self._problems.append(_Problem(now_ns, level, _NUMBER.sub("", text), frame, text))
@@ -134,9 +143,8 @@ class EvaluatorStatus:
 
     def _values(self, delay_ns: int, free_ns: int) -> dict[str, str]:
         counts = self._counts
-        state = "WAITING" if self._is_waiting else "STALE" if self._is_stale(free_ns) else "MEASURING"
         values = {
-            "state": state,
+            "state": self._state(free_ns),
             "frames_in": counts["frames_in"],
             "frames_measured": counts[Outcome.MEASURED.value],
             "frames_lost": counts[Outcome.LOST.value],
@@ -151,6 +159,11 @@ class EvaluatorStatus:
         if "velocity_error_m_s" in latest:
             values["velocity_error_m_s"] = number(latest["velocity_error_m_s"])
         return {key: str(value) for key, value in values.items()} | self._statistics()
+
+    def _state(self, free_ns: int) -> str:
+        if self.paused:
+            return "INACTIVE"
+        return "WAITING" if self._is_waiting else "STALE" if self._is_stale(free_ns) else "MEASURING"
 
     def _statistics(self) -> dict[str, str]:
         found: dict[str, str] = {}

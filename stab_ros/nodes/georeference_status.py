@@ -35,6 +35,7 @@ class GeoreferenceStatus:
     def __init__(self, orientation: str, stale_ns: int) -> None:
         self.orientation = orientation
         self.waiting_for = "images"
+        self.paused = False  # the node is inactive, and no images are taken
         self.unmade = ""  # why no frame can be placed at all
         self.doubts: tuple[str, ...] = ()  # of the whole stream
         self.faults: Mapping[str, str] = {}  # of publishers, by topic
@@ -80,15 +81,21 @@ class GeoreferenceStatus:
         """The status since the last report."""
         state = self._state(free_ns)
         once, self._warnings = self._warnings, {}
-        doubts = self._result.warnings if self._result is not None and state == "PLACED" else ()
-        silent = [f"{topic} is silent, frames do not wait for it" for topic in self.silent]
-        warnings = [*self.doubts, *doubts, *self.faults.values(), *silent, *once.values()]
-        level = ERROR if self.unmade else {"PLACED": OK, "STALE": ERROR}.get(state, WARN)
+        warnings = [*(() if self.paused else self._doubts(state)), *once.values()]
+        level = ERROR if self.unmade else {"PLACED": OK, "INACTIVE": OK, "STALE": ERROR}.get(state, WARN)
         message = "; ".join([self._message(state, free_ns), *warnings])
         return DiagnosticStatus(max(level, WARN) if warnings else level, message, self._values(state))
 
+    def _doubts(self, state: str) -> list[str]:
+        """What is doubtful about the stream, its sensors and the last frame."""
+        of_frame = self._result.warnings if self._result is not None and state == "PLACED" else ()
+        silent = [f"{topic} is silent, frames do not wait for it" for topic in self.silent]
+        return [*self.doubts, *of_frame, *self.faults.values(), *silent]
+
     def _state(self, free_ns: int) -> str:
-        if self._result is None:
+        if self.paused:
+            return "INACTIVE"
+        if self._result is None or not self.timeout.has_begun:
             return "WAITING"
         if self.timeout.is_stale(free_ns):
             return "STALE"
@@ -99,7 +106,9 @@ class GeoreferenceStatus:
             return f"no frame can be placed: {self.unmade}"
         if state == "STALE":
             return f"no image for {self.timeout.silence_ns(free_ns) / 1e9:.1f} s"
-        if self._result is None:
+        if state == "INACTIVE":
+            return "takes no images"
+        if self._result is None or state == "WAITING":
             return f"waiting for {self.waiting_for}"
         return "placed" if self._result.placed else f"unplaced: {self._result.reason}"
 

@@ -43,8 +43,8 @@ class ImageInput:
         self._subscription = self._subscribe(topic) if images is None else images.join(
             self._node, topic, self._compressed, self._keep_all, self._on_image)
         taken = self._subscription.topic
-        self._node.get_logger().info(f"ready for images from {taken}, waiting for {self._obstacle}" if self._obstacle
-                                     else f"ready, taking images from {taken}")
+        self._node.tell(f"ready for images from {taken}, waiting for {self._obstacle}" if self._obstacle
+                        else f"ready, taking images from {taken}")
 
     def _subscribe(self, topic: str) -> AdaptiveSubscription:
         msg_class = CompressedImage if self._compressed else Image

@@ -57,9 +57,12 @@ _UNUSED_NS = 5 * SECOND_NS  # of free time while active, after which it is told 
 _POLL_NS = SECOND_NS // 10
 _REPORT_S = 1.0
 _LATE_S, _LONG_S = 1.5, 5.0  # after which a report that is due is repeated, and what is at work told
-# the services of rclpy that change nothing
+# the services of rclpy that change nothing of the work
 _READING = {"describe_parameters", "get_parameters", "get_parameter_types", "list_parameters",
-            "get_state", "get_available_states", "get_available_transitions", "get_transition_graph"}
+            "get_state", "get_available_states", "get_available_transitions", "get_transition_graph",
+            "get_logger_levels", "set_logger_levels"}
+_DONE = {"configure": "configured", "activate": "activated", "deactivate": "deactivated", "clean up": "cleaned up",
+         "shut down": "shut down", "recover": "everything is let go, after an error"}
 _KINDS = ("timer", "subscription", "service", "client", "publisher")  # of entities, in the order they are destroyed
 
 
@@ -90,11 +93,13 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
             name: of the node, unless it is remapped.
             given: parameters that are overridden.
             images: see the attribute.
-            options: as of rclpy's node.
+            options: as of rclpy's node; the services of logger levels are there unless they are declined.
 
         Raises:
             InputError: a parameter cannot be used.
         """
+        options.setdefault("enable_logger_service", True)
+        self._declared = ""  # the parameter that is being declared; callbacks hear of it as if somebody had set it
         params.DeclaringNode.__init__(self, name, given, **options)
         LifecycleNodeMixin.__init__(self)
         self._refuse_impossible_transitions()
@@ -105,18 +110,18 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         self.is_configured = self.is_active = self.waits = False
         self._compilation: BackgroundCompilation | None = None  # in an executor of somebody else
         self._refusal: StabRosError | None = None  # of the last transition
+        self._brings_up = self._told = False  # a transition of its own is under way; the present one has been told
+        self._unforeseen = Failures(self.get_logger())  # in callbacks while it is not configured
         self._closing: list[Callable[[], None]] = []
         self._before = _Made(self)  # what there was before `configure`
-        for line in check_overrides(self):
-            self.get_logger().warning(line)
+        self._doubted: set[str] = set()  # overrides of QoS of which something was said
+        self._check_overrides()
         topic = self.resolve_topic_name(DIAGNOSTICS_TOPIC)
         qos, overriding = overridden(self, "publisher", topic, QoSProfile(depth=10))
         self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, DIAGNOSTICS_TOPIC, qos,
                                                              qos_overriding_options=overriding)
-        self._told_unused: set[str] = set()
         self._activated_ns = 0  # in free time
-        if unused_overrides(self):
-            self.create_steady_timer(_REPORT_S, self._tell_unused)
+        self.create_steady_timer(_REPORT_S, self._tell_unused)
         self.autostart = self._starts = bool(params.declare(self, params.table_of(ManagedSettings))["autostart"])
         self.add_on_set_parameters_callback(self._refuse_idle_changes)
         self._reported = time.monotonic(), DiagnosticStatus(OK, "", {})  # when, s, and the last report
@@ -149,7 +154,7 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         """Waits until what was sent has been received; called before the outputs go."""
 
     def on_failure(self, error: BaseException) -> None:
-        """An error has escaped a callback; raised again, it ends the node."""
+        """An error has escaped a callback, once configured; raised again, it ends the node."""
         raise error
 
     def work(self, spinner: Spinner) -> None:
@@ -158,6 +163,16 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
             spinner.once()
 
     # what they use ---------------------------------------------------------------------------------------------------
+    @property
+    def is_paused(self) -> bool:
+        """Whether it takes no images until somebody activates it: that none come is no fault."""
+        return not (self.is_active or self._starts)
+
+    def tell(self, line: str) -> None:
+        """Logs what a change of state has led to, instead of the change alone."""
+        self._told = True
+        self.get_logger().info(line)
+
     def at_cleanup(self, close: Callable[[], None]) -> None:
         """Has `close` called when what `configure` made is let go, the last one first."""
         self._closing.append(close)
@@ -176,6 +191,8 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         level, message, state = status.level, status.message, self._state_machine.current_state[1]
         if state != "active" and not self._starts:
             message = f"{state}: {message}" if level != OK else state
+        if self._refusal is not None and self.is_configured:
+            level, message = max(level, WARN), f"{message}; {self._refusal}"
         now_ns = self.get_clock().now().nanoseconds
         if now_ns == 0:  # only a simulated clock can stand there
             level, message = max(level, WARN), f"{message}; {_NO_CLOCK}"
@@ -200,6 +217,13 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         super().destroy_node()
         del self._state_machine
 
+    def on_escaped(self, error: BaseException) -> None:
+        """An error has escaped a callback; while the node is not configured it is only logged."""
+        if self.is_configured or not isinstance(error, Exception):
+            self.on_failure(error)
+        else:
+            self._unforeseen.note(error)
+
     def prepare(self) -> None:
         """Activates the node at once rather than at its first spin; compiles its kernels if that is still to be done.
 
@@ -212,26 +236,29 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
     # transitions -----------------------------------------------------------------------------------------------------
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._before = _Made(self)
-        return self._attempt(self._configure, self._let_go)
+        self._reported = time.monotonic(), DiagnosticStatus(OK, "", {})  # a reason of before is mended, as far as known
+        return self._attempt("configure", self._configure, self._let_go)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        return self._attempt(self._activate, self.deactivate)
+        return self._attempt("activate", self._activate, self._pause)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        self.is_active = False
-        return self._attempt(self.deactivate, self.deactivate)
+        return self._attempt("deactivate", self._pause, self._pause)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        left = self._attempt(self._let_go, self._let_go)
+        left = self._attempt("clean up", self._let_go, self._let_go)
         return left if left == TransitionCallbackReturn.SUCCESS else TransitionCallbackReturn.ERROR  # all is gone
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         self.stop.requested = True
-        return self._attempt(self._shut_down, self._let_go)
+        return self._attempt("shut down", self._shut_down, self._let_go)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
         """After an error that nobody foresaw: everything is let go."""
-        return self._attempt(self._shut_down, self._let_go)
+        reason = self._refusal
+        left = self._attempt("recover", self._shut_down, self._let_go)
+        self._refusal = self._refusal or reason
+        return left
 
     def _read_at_once(self) -> None:
         """Has what only reads answered while the node works."""
@@ -258,6 +285,7 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         service.callback = change_if_possible
 
     def _configure(self) -> None:
+        self._check_overrides()
         self.configure()
         if self.COMPUTES and not self.autostart:  # else the process compiles them beside, before the first spin
             compile_kernels()
@@ -270,10 +298,13 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         self.is_active, self._activated_ns = True, self.free.ns
         self.poll()
 
+    def _pause(self) -> None:
+        self.is_active = False
+        self.deactivate()
+
     def _shut_down(self) -> None:
         if self.is_active:
-            self.is_active = False
-            self.deactivate()
+            self._pause()
         self._let_go()
 
     def _let_go(self) -> None:
@@ -284,22 +315,35 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
             self._closing.pop()()
         self._before.restore(self)
 
-    def _attempt(self, step: Callable[[], None], undo: Callable[[], None]) -> TransitionCallbackReturn:
-        """What becomes of a transition whose work is `step`; `undo`: where it fails."""
-        failures, self._refusal = Failures(self.get_logger()), None
+    def _attempt(self, what: str, step: Callable[[], None], undo: Callable[[], None]) -> TransitionCallbackReturn:
+        """What becomes of the transition `what`, whose work is `step`; `undo`: where it fails."""
+        failures, self._refusal, self._told = Failures(self.get_logger()), None, False
         with failures:
             try:
                 step()
             except StabRosError as error:
-                self._refusal = error
+                self._refuse(what, error)
                 undo()
                 return TransitionCallbackReturn.FAILURE
+            if not (self._brings_up or self._told):
+                self.get_logger().info(_DONE[what])
             return TransitionCallbackReturn.SUCCESS
         self._refusal = WorkError(failures.last)
         return TransitionCallbackReturn.ERROR
 
+    def _refuse(self, what: str, error: StabRosError) -> None:
+        """Why the transition fails; where the node brings itself up, the line with which its process ends says it."""
+        self._refusal = error
+        if not self._brings_up:
+            self.get_logger().error(f"cannot {what}: {error}")
+
     def _bring_up(self, trigger: Callable[[], TransitionCallbackReturn]) -> None:
-        if trigger() != TransitionCallbackReturn.SUCCESS and self._refusal is not None:
+        self._brings_up = True
+        try:
+            done = trigger() == TransitionCallbackReturn.SUCCESS
+        finally:
+            self._brings_up = False
+        if not done and self._refusal is not None:
             raise self._refusal
 
     # timers and parameters -------------------------------------------------------------------------------------------
@@ -345,24 +389,39 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         elif now_s - then_s > _LATE_S:
             self._send_diagnostics(last)
 
+    def _check_overrides(self) -> None:
+        """Also of subscriptions that come later. Raises ConfigError for one that is no quality of service."""
+        for line in check_overrides(self):
+            if line not in self._doubted:
+                self._doubted.add(line)
+                self.get_logger().warning(line)
+
     def _tell_unused(self) -> None:
         """What was meant for a publisher or subscription that is not there; some come later than others."""
         if not self.is_active or self.free.ns - self._activated_ns < _UNUSED_NS:
             return
         for name, line in unused_overrides(self).items():
-            if name not in self._told_unused and not (self.images is not None and self.images.is_used(name)):
-                self._told_unused.add(name)
+            if name not in self._doubted and not (self.images is not None and self.images.is_used(name)):
+                self._doubted.add(name)
                 self.get_logger().warning(line)
+
+    def declare_parameter(self, name: str, *args: Any, **options: Any) -> Parameter:
+        """As of rclpy, which declares the quality of service of what begins to be published or taken."""
+        self._declared = name
+        try:
+            return super().declare_parameter(name, *args, **options)
+        finally:
+            self._declared = ""
 
     def _refuse_idle_changes(self, changed: list[Parameter]) -> SetParametersResult:
         """Once configured, other parameters than those that are declared have no effect, nor have some changes."""
         for one in changed if self.is_configured else []:
             if one.type_ is Parameter.Type.NOT_SET:
                 return SetParametersResult(successful=False, reason=f"{one.name} cannot be taken away, set it instead")
-            if one.name in self.fixed:
+            if one.name in self.fixed or (one.name.startswith(PREFIX) and one.name != self._declared):
                 return SetParametersResult(successful=False, reason=f"{one.name} is fixed while the node is "
                                            "configured, set it after cleanup")
-            if not (self.has_parameter(one.name) or one.name.startswith(PREFIX)):
+            if not (self.has_parameter(one.name) or one.name == self._declared):
                 known = list(self.get_parameters_by_prefix(""))
                 return SetParametersResult(successful=False, reason=params.unknown(one.name, known))
         return SetParametersResult(successful=True)

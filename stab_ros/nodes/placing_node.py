@@ -108,6 +108,8 @@ class PlacingNode(StabNode):
     def deactivate(self) -> None:
         """Places the frames that wait by what is there; the map stays."""
         self._images.close()
+        self.status.timeout.suspend()
+        self._stamps.suspend()
         if self._motions is not None:
             self._motions.close()
             self._patience.pop(self._motions.topic, None)
@@ -227,7 +229,7 @@ class PlacingNode(StabNode):
         text = self._stamps.words(step)
         if text:
             self.warn(step.value, text)
-        if step is Advance.BACK:
+        if step is Advance.BACK or 0 < stamp_ns < self._newest_ns:
             self.status.restart()
             if needs_sensors(self._config):
                 self.placer.begin_anew(stamp_ns)
@@ -378,6 +380,7 @@ class PlacingNode(StabNode):
     def report(self) -> None:
         """Publishes /diagnostics."""
         of_level = self._level_doubts
+        self.status.paused = self.is_paused
         self.status.before, self.status.unmade = self._images.before, self.placer.unmade
         of_engine = () if self.placer.engine is None else self.placer.engine.doubts
         self.status.doubts = (*of_engine, *([_LENS] if self._lens_is_left else []), *of_level)

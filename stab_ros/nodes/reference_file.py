@@ -49,10 +49,11 @@ class ReferenceFile:
 
     def resume(self, stabilizer: Stabilizer) -> None:
         """Lets the stabilizer resume from the saved reference, if there is one."""
-        saved, self.saved = self.saved, None
+        saved = self.saved
         if saved is None:
             return
         stabilizer.resume(saved.frame, saved.static_map, saved.reset_counter)
+        self.saved = None
         self._written = stabilizer.reference, stabilizer.reset_counter
         self._logger.info(f"resuming from the reference of stamp {saved.frame.stamp_ns} ns in {self._path}")
 

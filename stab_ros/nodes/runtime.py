@@ -83,7 +83,7 @@ def spin(node: StabNode, compilation: BackgroundCompilation | None) -> None:
     Raises:
         StabRosError: it cannot take images, or its work broke off.
     """
-    spinner = Spinner(node, node.at_once, node.stop, node.free, node.on_failure)
+    spinner = Spinner(node, node.at_once, node.stop, node.free, node.on_escaped)
     try:
         if compilation is not None:
             _compile(node, spinner, compilation)

@@ -112,7 +112,7 @@ class TrackerNode(StabNode):
 
     def deactivate(self) -> None:
         """Answers the frames of the start that wait; the reference stays."""
-        self._input.close()
+        self._stop_taking()
         self._publish_tracks(self._answered(self.stabilizer.finish))
         self._publish_references()
 
@@ -167,10 +167,14 @@ class TrackerNode(StabNode):
     def _fall_asleep(self) -> None:
         """Takes no more images; the engine keeps its reference."""
         if self._input.is_open:
-            self._input.close()
-            self.status.timeout.suspend()
-            self._stamps.suspend()
+            self._stop_taking()
             self.get_logger().info("asleep: nobody listens to any output")
+
+    def _stop_taking(self) -> None:
+        """The silence until the next image is no fault of the stream."""
+        self._input.close()
+        self.status.timeout.suspend()
+        self._stamps.suspend()
 
     def _knows_camera(self) -> bool:
         """Whether images can be tracked: no camera is needed, or it is known."""
@@ -332,6 +336,7 @@ class TrackerNode(StabNode):
         self.status.ground, self.status.swing = self.stabilizer.ground, self.stabilizer.swing
         self.status.copied = self.stabilizer.copied_share
         self.status.stamps, self.status.before = self._stamps.counts, self._input.before
+        self.status.paused = self.is_paused
         self.publish_diagnostics(self.status.report(self.free.ns))
 
     # services and parameters -----------------------------------------------------------------------------------------

@@ -31,6 +31,7 @@ class TrackerStatus:
         self.ground = GroundState.UNDECIDED
         self.timeout = StreamTimeout(stale_ns)
         self.asleep = False  # nobody listens, and no images are taken
+        self.paused = False  # the node is inactive, and no images are taken
         self.errors = 0  # internal ones so far
         self._received = self._tracked = self._lost = self._dropped = self._refused = 0
         self._warnings: dict[str, str] = {}  # by kind, until the next report
@@ -73,7 +74,7 @@ class TrackerStatus:
     def report(self, free_ns: int) -> DiagnosticStatus:
         """The status since the last report."""
         state = self._state(free_ns)
-        level = {"TRACKED": OK, "ASLEEP": OK, "STALE": ERROR}.get(state, WARN)
+        level = {"TRACKED": OK, "ASLEEP": OK, "INACTIVE": OK, "STALE": ERROR}.get(state, WARN)
         message = self._message(state, free_ns)
         warnings = self._all_warnings()
         if warnings:
@@ -86,13 +87,17 @@ class TrackerStatus:
         return [*advice.remarks(self.competing, self.relief, self.swing, self.copied), *once.values()]
 
     def _state(self, free_ns: int) -> str:
+        if self.paused:
+            return "INACTIVE"
         if self.asleep:
             return "ASLEEP"
-        if self._track is None:
+        if self._track is None or not self.timeout.has_begun:
             return "WAITING"
         return "STALE" if self.timeout.is_stale(free_ns) else self._track.state.value
 
     def _message(self, state: str, free_ns: int) -> str:
+        if state == "INACTIVE":
+            return "takes no images"
         if state == "ASLEEP":
             return "asleep until somebody listens"
         if state == "WAITING":

@@ -7,6 +7,8 @@ from typing import Any
 
 import pytest
 import yaml
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from live_graph import Graph
 from rcl_interfaces.srv import DescribeParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -101,3 +103,29 @@ def test_what_nothing_uses_is_told_with_the_nearest_name(graph: Graph, tmp_path:
     ]:
         (line,) = [one for one in said if f"parameter {name} " in one]
         assert meant in line
+
+
+def test_what_is_set_before_configure_is_judged_by_it_and_fixed_from_then_on(graph: Graph) -> None:
+    override = "qos_overrides./image_raw.subscription.reliability"
+
+    def changed(transition: int) -> bool:
+        request = ChangeState.Request(transition=Transition(id=transition))
+        return bool(graph.call(ChangeState, "tracker_node/change_state", request).success)
+
+    tracker = graph.start("tracker_node", autostart=False)
+    assert graph.set_parameter("tracker_node", override, "best_efort") == (True, "")
+    assert not changed(Transition.TRANSITION_CONFIGURE)
+    assert f"cannot configure: {override}: 'best_efort' is unknown, did you mean best_effort" in tracker.log
+    assert graph.set_parameter("tracker_node", override, "best_effort") == (True, "")
+    assert changed(Transition.TRANSITION_CONFIGURE)
+    assert changed(Transition.TRANSITION_ACTIVATE)
+    graph.until(lambda: graph.node.get_subscriptions_info_by_topic("/image_raw"), "the tracker")
+    (taken,) = graph.node.get_subscriptions_info_by_topic("/image_raw")
+    assert taken.qos_profile.reliability == BEST_EFFORT
+    for name in ("qos_overrides./image_raw.subscription.durability", "qos_overrides./other.publisher.reliability"):
+        taken_up, reason = graph.set_parameter("tracker_node", name, "best_effort")
+        assert not taken_up
+        assert reason == f"{name} is fixed while the node is configured, set it after cleanup"
+    taken_up, reason = graph.set_parameter("tracker_node", override, "reliable")  # in use, so rclpy has declared it
+    assert not taken_up
+    assert "read-only" in reason

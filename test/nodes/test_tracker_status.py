@@ -58,6 +58,7 @@ def test_status_of_lost_refused_and_missing_frames() -> None:
 
 def test_ambiguous_ground_parallax_and_swinging_rows_are_in_every_report() -> None:
     status = TrackerStatus("direct", stale_ns=2 * SECOND_NS)
+    status.on_image(0)
     status.on_track(a_track(State.TRACKED), latency_ns=1)
     plane = Plane(np.ones(4, bool), np.eye(3)[None])
     status.competing = CompetingHypothesis(plane, 0.25, (3.0, 0.0), (0.0, 0.0), (3.0, 4.0), 1.0, 1.0)
@@ -80,5 +81,17 @@ def test_sleep_is_no_fault_and_the_silence_of_it_is_not_told() -> None:
     assert (report.level, report.message) == (0, "asleep until somebody listens")
     assert report.values["state"] == "ASLEEP"
     status.asleep = False
-    assert status.report(101 * SECOND_NS).values["state"] == "TRACKED"
+    report = status.report(101 * SECOND_NS)
+    assert (report.level, report.values["state"]) == (1, "WAITING"), "until images come"
     assert status.on_image(102 * SECOND_NS) == 0.0
+    assert status.report(103 * SECOND_NS).values["state"] == "TRACKED"
+
+
+def test_an_inactive_node_has_no_fault_but_what_was_said_since() -> None:
+    status = TrackerStatus("direct", stale_ns=2 * SECOND_NS)
+    status.paused = True
+    status.warn("reference_path", "the reference is not saved: disk full")
+    report = status.report(100 * SECOND_NS)
+    assert (report.level, report.message) == (1, "takes no images; the reference is not saved: disk full")
+    report = status.report(101 * SECOND_NS)
+    assert (report.level, report.message, report.values["state"]) == (0, "takes no images", "INACTIVE")
