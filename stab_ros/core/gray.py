@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stab_ros.core.types import BoolArray, FloatArray, Frame, Gray, Image
+from stab_ros.core.types import FloatArray, Frame, Gray, Image
 
 _TO_GRAY = {
     "bgr8": cv2.COLOR_BGR2GRAY,
@@ -86,27 +86,26 @@ def grey_range(frame: Frame) -> GreyRange:
 
 def _values_of_the_scene(frame: Frame) -> Image:
     """(n,) values of pixels that have some and lie in no constant area; of all with a value where most is constant."""
-    sample, constant = _levels(frame, 4, 4), _constant(frame, 4)
+    sample, left, right, above, below = _with_neighbours(frame, 4)
+    constant = ((sample == left) & (sample == right)) | ((sample == above) & (sample == below))
     known = np.isfinite(sample) & (sample != 0)
     varied = known & ~constant
     return np.asarray(sample[varied if varied.sum() >= _LEAST_VARIED * known.sum() else known])
 
 
-def _constant(frame: Frame, step: int) -> BoolArray:
-    """(rows, columns) of every so many: which pixels equal both neighbours in their row, or both in their column."""
-    levels = _levels(frame, 1, 1)
-    equal: list[BoolArray] = []
-    for values in (levels, levels.T):
-        same = np.zeros(values.shape, bool)
-        same[:, 1:-1] = (values[:, 1:-1] == values[:, :-2]) & (values[:, 1:-1] == values[:, 2:])
-        equal.append(same)
-    return np.asarray((equal[0] | equal[1].T)[::step, ::step])
+def _with_neighbours(frame: Frame, step: int) -> list[Image]:
+    """(rows, columns) of every so many pixels, and of those to the left, to the right, above and below of them."""
+    found = [_levels(frame, step, step, y, x) for y, x in ((1, 1), (1, 0), (1, 2), (0, 1), (2, 1))]
+    rows, columns = min(len(one) for one in found), min(one.shape[1] for one in found)
+    return [one[:rows, :columns] for one in found]
 
 
 def _bounds(values: FloatArray | Image) -> tuple[float, float]:
     """The lowest and the highest value that the scene has, without those that lie far from most."""
     first, low, high, last = (float(one) for one in np.percentile(values, (_LOW, _MOST_LOW, _MOST_HIGH, _HIGH)))
     span = high - low
+    if span == 0:
+        return first, last
     return (low - _MARGIN * span if low - first > _FAR * span else first,
             high + _MARGIN * span if last - high > _FAR * span else last)
 
@@ -132,9 +131,11 @@ def _noise(frame: Frame) -> float:
     return max(_LEAST_NOISE, measured) if frame.image.dtype == np.uint16 else measured
 
 
-def _levels(frame: Frame, step_y: int, step_x: int) -> Image:
-    """The gray values of every so many rows and columns, (rows, columns) in the dtype of the frame."""
-    image = np.ascontiguousarray(frame.image[::step_y, ::step_x])
+def _levels(frame: Frame, step_y: int, step_x: int, y: int = 0, x: int = 0) -> Image:
+    """The gray values of every so many rows and columns from (y, x) on, (rows, columns) in the dtype of the frame."""
+    image = np.ascontiguousarray(frame.image[y::step_y, x::step_x])
+    if not image.size:
+        return np.zeros(image.shape[:2], image.dtype)
     return np.asarray(cv2.cvtColor(image, _TO_GRAY[frame.encoding])) if frame.encoding in _TO_GRAY else image
 
 

@@ -41,7 +41,8 @@ _BESIDE = 1.6  # times the mean distance of the features
 CERTAIN_ODDS = 1.65  # odds of 5 to 1, more than drift and size alone can give
 _CAUTION = 1.0
 _APART_PX = 1.0  # planes that separate by less make no difference
-_SAME_PX = 0.1  # planes that never separate by more are one, parted by frames that show neither well
+_SAME_PX = 0.1  # planes that never separate by more are one, parted by frames that show neither well,
+_SHOWN_TOGETHER = 0.5  # in at least so many of the frames
 _UNSTEADY = 0.3  # largest share of the separation that is not in proportion to time
 
 
@@ -127,7 +128,7 @@ def _distinct(planes: list[Plane], seen: Observations) -> list[Plane]:
 def _are_one(plane: Plane, other: Plane, seen: Observations) -> bool:
     """Whether two planes never separate, where the features of the smaller one lie."""
     both = np.flatnonzero(~np.isnan(plane.ref_H_cur[:, 0, 0]) & ~np.isnan(other.ref_H_cur[:, 0, 0]))
-    if plane.at_rest or other.at_rest or not len(both):
+    if plane.at_rest or other.at_rest or len(both) < _SHOWN_TOGETHER * len(seen.elapsed_s):
         return False
     at_px = seen.reference_px[plane.member]
     apart = [apply(other.ref_H_cur[f] @ np.linalg.inv(plane.ref_H_cur[f]), at_px) - at_px for f in both.tolist()]

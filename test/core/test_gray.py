@@ -93,6 +93,13 @@ def test_a_bright_bank_beside_dark_water_is_shown() -> None:
     assert contrast(gray_of(values, "mono16")[-80:, -80:]) > 0.2 * contrast(picture()[-80:, -80:])
 
 
+def test_a_few_targets_on_a_constant_ground_are_shown() -> None:
+    values = np.full((300, 400), 0.5, np.float32)
+    values[100:112, 50:150] = np.linspace(0.6, 1.0, 100)
+    gray = gray_of(values, "32FC1")[100:112, 50:150]
+    assert int(gray.max()) - int(gray.min()) > 100
+
+
 def test_brighter_and_darker_frames_keep_the_range_and_saturate() -> None:
     values = np.round(7400 + picture() * 2.0).astype(np.uint16)
     shown = grey_range(Frame(values, "mono16", 0))
