@@ -153,7 +153,7 @@ It cannot be known where raw video, Motion JPEG, Y4M or `.mpg` ends between two 
 pass, above all that of H.265: of
 60 cuts most at 96x64, 17 at 384x256, and one of 40 at 1280x720. Up to 300 frames from the last key frame on are \
 looked at, of 4K 60: where there \
-are more, or within the first 32 after such a group, a torn frame shows as damage of the picture only. \
+are more, or within the first 32 after such a group, a torn frame is read as it is, and that is not said. \
 With B-frames a few of the last frames may lack, \
 and without times the stamps run on over them.
 
