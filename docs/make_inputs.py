@@ -143,14 +143,18 @@ said; give `--fps`. AVI with B-frames has a rate, and no times.
 A video that is cut short is read up to its last whole frame, and that is said; a frame that is torn is left out. It \
 shows by
 
-- a file that is shorter than its headers say (MKV, WebM, AVI, WMV, `.ts`), or has no mark of the end (GIF, Ogg)
+- a file that is shorter than its headers say (MKV, WebM, AVI unless written into a pipe, WMV, `.ts`), or has no mark \
+of the end (GIF, Ogg)
 - a duration of which a tenth and five frames lack (MP4, MOV, MXF, FLV and all others that announce one)
 - a torn frame: of Y4M, FLV, JPEG without its end marker, and where the decoder stumbles over the last packet (raw \
 H.264, H.265 and MPEG, `.ts`, `.mpg`)
 
 It cannot be known where raw video, Motion JPEG, Y4M or `.mpg` ends between two frames. Decoders let some torn frames \
 pass, above all that of H.265: of
-60 cuts most at 96x64, 17 at 384x256, and one of 40 at 1280x720. With B-frames a few of the last frames may lack, \
+60 cuts most at 96x64, 17 at 384x256, and one of 40 at 1280x720. Up to 300 frames from the last key frame on are \
+looked at, of 4K 60: where there \
+are more, or within the first 32 after such a group, a torn frame is read as it is, and that is not said. \
+With B-frames a few of the last frames may lack, \
 and without times the stamps run on over them.
 
 An mp4 without its index (`moov`) \

@@ -19,6 +19,7 @@ from stab_ros.io.video_clock import Pace, VideoClock, pace
 from stab_ros.io.video_packets import Packets, decode
 from stab_ros.io.video_picture import Deinterlacer, Turn, left_undone, picture_of
 from stab_ros.io.video_stream import (
+    announced_frames,
     announced_s,
     choose_stream,
     codec_of,
@@ -76,7 +77,7 @@ class VideoFile:
     def count(self) -> int | None:
         """As announced; that includes what an edit list hides, which the duration does not."""
         by_time = round((announced_s(self._container, self._stream) or 0) * self._timing.fps)
-        return min((count for count in (self._stream.frames, by_time) if count > 0), default=None)
+        return min((count for count in (announced_frames(self._stream), by_time) if count), default=None)
 
     @property
     def fps(self) -> float:

@@ -7,23 +7,21 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from av import CodecContext
 from av.container import InputContainer
-from av.error import FFmpegError
 from av.packet import Packet
-from av.video.codeccontext import VideoCodecContext
 from av.video.stream import VideoStream
 
 from stab_ros.io.video_stream import lacks_times
+from stab_ros.io.video_tail import Tail
 
 _GIF_END, _GIF_EXTENSION, _GIF_IMAGE = b";", 0x21, 0x2C
 _JPEG_SCAN, _JPEG_END = b"\xff\xda", b"\xff\xd9"  # neither can be within the coded picture
 _TS_SYNC, _TS_SIZES = 0x47, ((0, 188), (4, 192), (0, 204))  # place of the sync byte, packet size
 _OGG_PAGE, _OGG_MOST, _OGG_LAST = b"OggS", 65307, 4
+_RIFF_UNKNOWN = 0xFFFFFFFF  # where the writer could not go back, as into a pipe
 _MATROSKA_SEGMENT = bytes.fromhex("18538067")
 _ASF_FILE_PROPERTIES = bytes.fromhex("a1dcab8c47a9cf118ee400c00c205365")
 _PASS_TORN_FRAMES = {"mpegts", "mpeg", "asf"}  # and what has no container
-_MOST_PACKETS, _MOST_BYTES = 300, 1 << 26  # from a key frame on that are decoded again
 
 
 class Ending:
@@ -33,66 +31,41 @@ class Ending:
         self._path = Path(container.name)
         self._stream = stream
         self._format = container.format.name
-        self._passes_torn = lacks_times(stream) or self._format in _PASS_TORN_FRAMES
-        self._group: list[Packet[VideoStream]] = []  # from the last key frame on
+        self._tail = Tail(stream) if lacks_times(stream) or self._format in _PASS_TORN_FRAMES else None
         self._first: Packet[VideoStream] | None = None
+        self._last: Packet[VideoStream] | None = None
 
     def add(self, packet: Packet[VideoStream]) -> None:
         self._first = self._first or packet
-        if packet.is_keyframe or not self._passes_torn:
-            self._group.clear()
-        self._group.append(packet)
+        self._last = packet
+        if self._tail:
+            self._tail.add(packet)
 
     def is_torn(self) -> bool:
         """Is the last packet less than a frame?"""
-        last, codec = self._group[-1], self._stream.codec_context.name
+        codec = self._stream.codec_context.name
         if codec == "mjpeg":  # some cameras mark no end at all
-            return not _is_closed(last) and (last is self._first or _is_closed(self._first))
+            return not _is_closed(self._last) and (self._last is self._first or _is_closed(self._first))
         if codec == "gif":
-            return not _holds_gif_image(bytes(last))
-        return self._passes_torn and self._fails_at_last()
+            return not _holds_gif_image(_data(self._last))
+        return self._tail is not None and self._tail.fails_at_last()
 
     def is_cut(self) -> bool:
         """Does the file lack its end, be its last frame whole or not?"""
-        last = self._group[-1]
+        last = self._last
         if self._format == "gif":
-            return not bytes(last).rstrip(b"\0").endswith(_GIF_END)
+            return not _data(last).rstrip(b"\0").endswith(_GIF_END)
         if self._format == "yuv4mpegpipe":
-            return last.pos is not None and last.pos + last.size < self._path.stat().st_size
+            return last is not None and last.pos is not None and last.pos + last.size < self._path.stat().st_size
         return self._format in _CUT and _CUT[self._format](self._path)
 
-    def _fails_at_last(self) -> bool:
-        """Decoded on one thread from the last key frame on, is the last packet the only one with errors?
 
-        Decoders of several threads do not mark the pictures that they mended.
-        """
-        if len(self._group) > _MOST_PACKETS or sum(packet.size for packet in self._group) > _MOST_BYTES:
-            return False
-        decoder = _strict(self._stream.codec_context)
-        sound = [_decodes(decoder, packet) for packet in self._group]
-        return all(sound[:-1]) and not (_decodes(decoder, None) and sound[-1])
-
-
-def _strict(like: VideoCodecContext) -> VideoCodecContext:
-    context = CodecContext.create(like.codec.name, "r")
-    assert isinstance(context, VideoCodecContext)
-    context.extradata = like.extradata
-    context.width, context.height = like.width, like.height
-    context.thread_count = 1
-    context.options = {"err_detect": "explode"}
-    return context
-
-
-def _decodes(decoder: VideoCodecContext, packet: Packet[VideoStream] | None) -> bool:
-    """packet: None at the end."""
-    try:
-        return not any(frame.is_corrupt for frame in decoder.decode(packet))
-    except FFmpegError:
-        return False
+def _data(packet: Packet[VideoStream] | None) -> bytes:
+    return bytes(packet) if packet else b""
 
 
 def _is_closed(jpeg: Packet[VideoStream] | None) -> bool:
-    data = bytes(jpeg) if jpeg else b""
+    data = _data(jpeg)
     return data.rfind(_JPEG_END) > data.rfind(_JPEG_SCAN)
 
 
@@ -147,10 +120,11 @@ def _is_cut_asf(path: Path) -> bool:
 
 
 def _is_cut_avi(path: Path) -> bool:
-    """Is the file shorter than its first chunk says?"""
+    """Is the file shorter than its first chunk says, if it does?"""
     with path.open("rb") as file:
         head = file.read(8)
-    return head.startswith(b"RIFF") and path.stat().st_size < int.from_bytes(head[4:], "little")
+    size = int.from_bytes(head[4:], "little")
+    return head.startswith(b"RIFF") and size != _RIFF_UNKNOWN and path.stat().st_size < size
 
 
 def _is_cut_matroska(path: Path) -> bool:

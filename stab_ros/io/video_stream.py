@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from fractions import Fraction
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from stab_ros.io.video_clock import Timing
 _PICTURES = {"mjpeg", "png", "bmp", "tiff", "webp"}  # codecs of a cover
 _TIMES_IN_CODED_ORDER = {"avi"}  # containers that number frames as they are stored, not as they are shown
 _SQUARE = 1e-3  # a factor closer to 1 is the rounding of a size
+_AVI_FRAMES_UNKNOWN = 1 << 30  # what FFmpeg writes where it cannot go back, as into a pipe; no duration follows from it
 _NO_TIMES = 0x80  # AVFMT_NOTIMESTAMPS of libavformat/avformat.h
 
 
@@ -74,8 +76,15 @@ def codec_of(stream: VideoStream) -> str:
     return "av1" if "av1" in name else name.removeprefix("lib").removesuffix("-vp9")
 
 
+def announced_frames(stream: VideoStream) -> int | None:
+    """The number of frames in the header; None: the file does not say."""
+    return stream.frames if stream.frames not in {0, _AVI_FRAMES_UNKNOWN} else None
+
+
 def announced_s(container: InputContainer, stream: VideoStream) -> float | None:
     """The duration of the stream, s; None: the file does not say."""
+    if stream.frames == _AVI_FRAMES_UNKNOWN:
+        return None
     if stream.duration is not None and stream.time_base:
         return float(stream.duration * stream.time_base)
     whole = container.duration
@@ -97,8 +106,8 @@ def stretched(path: Path, stream: VideoStream) -> list[str]:
     if abs(factor - 1) < _SQUARE:
         return []
     return [f"pixels are not square, but {float(factor):.4g} times as wide as high; frames are taken as stored, not as "
-            f"players show them; to make them square: ffmpeg -i {path.name} "
-            f'-vf "scale=2*round(iw*sar/2):ih,setsar=1" -c:v libx264 -crf 12 {path.stem}_square.mp4']
+            f"players show them; to make them square: ffmpeg -i {shlex.quote(path.name)} "
+            f'-vf "scale=2*round(iw*sar/2):ih,setsar=1" -c:v libx264 -crf 12 {shlex.quote(path.stem + "_square.mp4")}']
 
 
 def undecodable(path: Path, codec: str | None, reason: str = "") -> InputError:
@@ -106,7 +115,7 @@ def undecodable(path: Path, codec: str | None, reason: str = "") -> InputError:
     what = f"video of codec {codec}" if codec else "a video of an unknown codec"
     because = f" ({reason})" if reason else ""
     return InputError(f"{path}: {what} cannot be decoded here{because}; convert it where it plays: "
-                      f"ffmpeg -i {path.name} -c:v libx264 -crf 12 {path.stem}_h264.mp4")
+                      f"ffmpeg -i {shlex.quote(path.name)} -c:v libx264 -crf 12 {shlex.quote(path.stem + '_h264.mp4')}")
 
 
 def _is_cover(stream: VideoStream, container: InputContainer) -> bool:

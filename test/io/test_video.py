@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import gc
 import os
-from collections.abc import Sequence
+import shlex
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from pathlib import Path
 
 import av
 import numpy as np
 import pytest
+from av.packet import Packet
 from av.video.stream import VideoStream
 from coded_video import shown_by_opencv
 
@@ -18,6 +21,8 @@ from stab_ros.core.types import Frame, Image
 from stab_ros.io.frame_reader import stamp_ns
 from stab_ros.io.video import VideoFile
 from stab_ros.io.video_clock import Timing, VideoClock
+from stab_ros.io.video_packets import Packets
+from stab_ros.io.video_stream import choose_stream, open_container
 from stab_ros.jobs.info import describe
 
 VIDEOS = Path(__file__).resolve().parents[1] / "data" / "videos"
@@ -33,10 +38,10 @@ def read(path: Path, fps: float | None = None) -> tuple[list[int], list[Image], 
     return [stamp for stamp, _ in frames], [image for _, image in frames], video.warnings
 
 
-def write(path: Path, times_ms: list[int], codec: str = "mpeg4") -> Path:
-    """A video of noise with these times, by PyAV."""
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream(codec, rate=25)
+def write(path: Path, times_ms: Iterable[int], codec: str = "mpeg4", kind: str | None = None, **options: str) -> Path:
+    """A video of noise with these times, by PyAV; kind: the container, if not that of the suffix."""
+    with av.open(str(path), "w", format=kind) as container:
+        stream = container.add_stream(codec, rate=25, options=options)
         assert isinstance(stream, VideoStream)
         stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
         if codec == "mpeg4":
@@ -170,6 +175,60 @@ def test_a_file_cut_within_its_first_frame_says_that(name: str, tmp_path: Path) 
         read(path)
 
 
+def counted(path: Path) -> tuple[int, bool]:
+    """Number of whole coded frames; is the file cut?"""
+    with open_container(path) as container:
+        packets = Packets(container, choose_stream(path, container))
+        return sum(1 for _ in packets), packets.cut
+
+
+@pytest.mark.parametrize("options", ["open-gop=1:keyint=12:bframes=3:b-adapt=0", "intra-refresh=1:keyint=20",
+                                     "open-gop=1:keyint=4:min-keyint=1:bframes=3:b-adapt=0", "keyint=1"])
+def test_what_refers_to_the_group_before_is_whole_at_every_end_unless_torn(options: str, tmp_path: Path) -> None:
+    path = write(tmp_path / "all.ts", range(0, 1640, 40), "libx264", preset="veryfast",
+                 **{"x264-params": options + ":scenecut=0"})
+    data, start = path.read_bytes(), tmp_path / "start.ts"
+    with av.open(str(path)) as container:
+        places = sorted({packet.pos for packet in container.demux(video=0) if packet.pos is not None})
+    assert len(places) == 41
+    for number in range(1, 41):
+        last, end = places[number - 1], places[number]
+        start.write_bytes(data[:end])
+        assert counted(start) == (number, False)
+        start.write_bytes(data[: last + (end - last) // 2 // 188 * 188])
+        assert counted(start) == (number - 1, True)
+
+
+@pytest.mark.parametrize("name", ["endless.ts", "endless.h264"])
+def test_a_group_without_end_is_not_kept_in_memory(name: str, tmp_path: Path) -> None:
+    path = write(tmp_path / name, range(0, 40 * 400, 40), "libx264", preset="ultrafast",
+                 **{"x264-params": "keyint=infinite:scenecut=0"})
+    kept = []
+    with open_container(path) as container:
+        for number, _ in enumerate(Packets(container, choose_stream(path, container))):
+            if number % 50 == 49:
+                kept.append(sum(isinstance(thing, Packet) for thing in gc.get_objects()))
+    assert max(kept) > 200
+    assert kept[-1] < 10
+    assert counted(path) == (400, False)
+
+
+def test_an_avi_written_into_a_pipe_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "pipe.avi"
+    reading, writing = os.pipe()
+    with os.fdopen(reading, "rb") as pipe:
+        write(Path(f"pipe:{writing}"), range(0, 200, 40), "mpeg2video", kind="avi")
+        os.close(writing)
+        path.write_bytes(pipe.read())
+    assert path.read_bytes()[4:8] == b"\xff\xff\xff\xff"
+    stamps, _, said = read(path)
+    assert (stamps, said) == (GRID[:5], [])
+    assert describe(path)[1] == []
+    video = VideoFile(path, None)
+    assert video.count is None
+    video.close()
+
+
 def test_damage_within_costs_the_frames_it_hits(tmp_path: Path) -> None:
     damaged = tmp_path / "damaged.avi"
     data = bytearray((VIDEOS / "mjpeg.avi").read_bytes())
@@ -213,6 +272,20 @@ def test_pixels_that_are_not_square_are_told() -> None:
     assert "pixels are not square, but 1.333 times as wide as high; frames are taken as stored" in said[0]
     assert "ffmpeg -i stretched.mp4 -vf" in said[0]
     assert describe(VIDEOS / "stretched.mp4")[1] == said
+
+
+def test_the_way_out_can_be_pasted_whatever_the_name(tmp_path: Path) -> None:
+    path = tmp_path / "it's my video.mp4"
+    path.write_bytes((VIDEOS / "stretched.mp4").read_bytes())
+    words = shlex.split(read(path)[2][0].partition("make them square: ")[2])
+    assert words[:3] == ["ffmpeg", "-i", path.name]
+    assert words[-1] == "it's my video_square.mp4"
+    path.write_bytes(path.read_bytes().replace(b"avc1", b"XYZ1"))
+    with pytest.raises(InputError) as caught:
+        read(path)
+    words = shlex.split(str(caught.value).partition("where it plays: ")[2])
+    assert words[:3] == ["ffmpeg", "-i", path.name]
+    assert words[-1] == "it's my video_h264.mp4"
 
 
 def test_the_preview_is_not_taken_for_the_video() -> None:
