@@ -13,7 +13,7 @@ _AXES: Mapping[str, str] = MappingProxyType({
     **dict.fromkeys(("col", "column", "u"), "px"), **dict.fromkeys(("row", "v"), "py")})
 _SYSTEM = re.compile(  # the last letter of a zone is no m, which is the unit
     r"\b(?:(?:utm|epsg|wgs|nad|navd|ngvd|etrs|evrf|itrf|gda|egm|ellipsoid|ortho|zone)[a-z]*"
-    r"(?:\W*\d+(?: ?(?:n|s|north|south)\b|[a-ln-z])?)*|local|a?msl|asl)\b")
+    r"(?:\W*(?<!\d)\d+(?: ?(?:n|s|north|south)\b|[a-ln-z])?)*|local|a?msl|asl)\b")
 _AXIS = re.compile(rf"\b(?:{'|'.join(_AXES)})\b")
 _IMAGE = re.compile(r"\bimage\b")
 _DOTS = re.compile(r"(?<=\b[a-z])\.(?=[a-z]\b)")  # of a.s.l. and U.S.

@@ -121,8 +121,8 @@ def _separator_of_numbers(path: Path, rows: list[Row], at: Sequence[int], separa
     if separator != "," or decimal is None:
         return separator
     if thousand is not None:
-        raise InputError(f"{path}: line {thousand[0]}: {thousand[1]!r} may be a thousand or, as {decimal[:40]!r}, have a "
-                         "decimal comma; numbers must have decimal points and no other commas")
+        raise InputError(f"{path}: line {thousand[0]}: {thousand[1]!r} may be a thousand or, as {decimal[:40]!r}, have "
+                         "a decimal comma; numbers must have decimal points and no other commas")
     return _DECIMAL_COMMAS
 
 
@@ -130,7 +130,8 @@ def _check_units(path: Path, east: Column, north: Column, up: Column | None = No
     """Raises InputError where a column names no unit and that of another one leaves open which it is."""
     first, second = one_line(east.header), one_line(north.header)
     if east.metres != north.metres or bool(east.unit) != bool(north.unit):
-        raise InputError(f"{path}: the columns {first} and {second} must be in one unit, which both or neither must name")
+        raise InputError(f"{path}: the columns {first} and {second} must be in one unit, which both or neither "
+                         "must name")
     if up is not None and east.metres != 1 and not up.unit:
         raise InputError(f"{path}: the column {one_line(up.header)} must name its unit, as {first} does")
 

@@ -191,6 +191,7 @@ def test_geojson(tmp_path: Path) -> None:
     ("u,v,X (1000 ft),Y (1000 ft)\n1,2,3,4\n", r"'X \(1000 ft\)' is in a unit that is not known"),
     ("u,v,X (NAVD88 furlong),Y\n1,2,3,4\n", r"is in a unit that is not known"),
     ("u,v,lat (WGS84 rad),lon (WGS84 rad)\n1,2,3,4\n", r"is in a unit that is not known, .* degrees"),
+    (f"u,v,X (nad{'1' * 80}mm),Y\n1,2,3,4\n", "is in a unit that is not known"),
     ("1,2,3,4\n", "4 columns without a header|no columns of pixels"),
     ("{", "is no GeoJSON"),
     ('{"type": "FeatureCollection", "features": [{"type": "Feature"}]}', "feature 1 is no control point"),
