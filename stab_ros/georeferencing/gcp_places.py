@@ -11,10 +11,12 @@ from stab_ros.core.geometry import inside
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.control_points import ControlPoints
 from stab_ros.georeferencing.local_frame import FARTHEST_M, LOCAL, LocalFrame, area_doubt, crs_doubt, metres_per_unit
+from stab_ros.georeferencing.unit_checks import FOOT_M
 
 WGS84 = "EPSG:4326"
 _LIKE_A_GRID = 20_000.0  # coordinates above it are those of a projected system
 _LIKE_DEGREES = 0.02  # extent below which coordinates are no metres; in degrees it is about 2 km
+_FEET_APART = 1e-5  # the relative difference between the feet of surveys
 _AWAY = 5.0  # from 0, in extents, where degrees are and a model on a table is not
 
 
@@ -36,7 +38,7 @@ class PlacedPoints:
 
 
 def placed(names: tuple[str, ...], image_px: FloatArray, places: FloatArray, crs: str | None, *,
-           geographic: bool = False, in_metres: bool = False, frame: LocalFrame | None = None,
+           geographic: bool = False, unit_m: float | None = None, frame: LocalFrame | None = None,
            level_m: float | None = None) -> PlacedPoints:
     """Puts surveyed points into the map.
 
@@ -46,7 +48,8 @@ def placed(names: tuple[str, ...], image_px: FloatArray, places: FloatArray, crs
         places: (N, 3), easting, northing, height, or longitude, latitude, height; a height may be NaN.
         crs: "EPSG:nnnn", "local", or None: WGS 84 for latitudes and longitudes, else local.
         geographic: whether `places` are longitudes and latitudes.
-        in_metres: whether eastings and northings are metres, whatever the unit of the reference system.
+        unit_m: metres of the unit in which eastings and northings were surveyed, where they are metres now; None: they
+            are in the unit of the reference system.
         frame: the map; None: one whose origin lies amid the points, at height 0, so that up is the height as surveyed.
         level_m: height of points without one.
 
@@ -57,8 +60,9 @@ def placed(names: tuple[str, ...], image_px: FloatArray, places: FloatArray, crs
     if geographic and name.lower() == LOCAL:
         raise InputError(f"latitudes and longitudes are not local, their reference system must be {WGS84} or another")
     heights = np.where(np.isfinite(places[:, 2]), places[:, 2], 0.0 if level_m is None else level_m)
-    full = np.column_stack([places[:, :2] / (metres_per_unit(name) if in_metres else 1), heights])
-    doubts = _doubts(name, full)
+    unit, said = _unit_of(name, unit_m)
+    full = np.column_stack([places[:, :2] / unit, heights])
+    doubts = [*said, *_doubts(name, full)]
     if level_m is None and not np.isfinite(places[:, 2]).all():
         doubts.append("points without a height are taken to lie at 0 m; give the water surface elevation")
     if name.lower() == LOCAL:
@@ -70,6 +74,19 @@ def placed(names: tuple[str, ...], image_px: FloatArray, places: FloatArray, crs
     beside = area_doubt(name, frame.to_geodetic(points.map_m.mean(axis=0)[None])[0])
     doubts += [beside] if beside else []
     return PlacedPoints(points, name, frame, tuple(doubts))
+
+
+def _unit_of(crs: str, unit_m: float | None) -> tuple[float, list[str]]:
+    """By what to divide eastings and northings for those of the system, and what to say of it.
+
+    A foot that is not named more closely is that of the system, where this is one: 2 ppm are metres a long way from 0.
+    """
+    if unit_m is None:
+        return 1.0, []
+    of_crs = metres_per_unit(crs)
+    if unit_m != FOOT_M or of_crs == unit_m or abs(of_crs / unit_m - 1) > _FEET_APART:
+        return of_crs, []
+    return unit_m, [f"the feet of the control points are taken for those of {crs}, of {of_crs:.9f} m"]
 
 
 def _frame_amid(crs: str, places: FloatArray) -> LocalFrame:

@@ -16,8 +16,10 @@ from stab_ros.io.typed_table import COMMA_ADVICE, Row, cells_of, finite_at, numb
 
 _KLT_IV_COLUMNS = ("east", "north", "up", "px", "py")
 _KLT_IV_METRES = tuple(Column(what, unit="" if what in ("px", "py") else "m") for what in _KLT_IV_COLUMNS)
+_DECIMAL_COMMAS = ";"  # the separator of a table whose commas are decimal ones
 _BARE = ("px", "py", "east", "north", "up")
-_DECIMAL_COMMA = re.compile(r"[-+]?\d*,(?!\d{3}$)\d+")  # no comma between thousands
+_THOUSAND = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")  # or a decimal comma
+_COMMA = re.compile(r"[-+]?\d*,\d+")
 
 
 def of_csv(path: Path, text: str) -> GcpTable:
@@ -40,8 +42,6 @@ def of_csv(path: Path, text: str) -> GcpTable:
     rows = [(n, cells_of(path, n, line, separator, FORM)) for n, line in lines]
     if any(row[0].lower() == "frame" for _, row in rows[:3]):
         return _of_frames(path, rows)
-    if any(_DECIMAL_COMMA.fullmatch(cell) for _, row in rows for cell in row):
-        separator = ";"  # commas within quotes separate no columns
     columns, rows = _columns(path, rows, separator)
     table = _table(path, columns, rows, separator)
     klt_iv = tuple(column.meaning for column in columns) == _KLT_IV_COLUMNS and "px]" in lines[0][1]
@@ -66,7 +66,7 @@ def _of_klt_iv(table: GcpTable) -> GcpTable:
 def _columns(path: Path, rows: list[Row], separator: str) -> tuple[tuple[Column, ...], list[Row]]:
     """What each column holds, and the rows below the header."""
     first = rows[0][1]
-    if sum(number_in(cell, separator) is not None for cell in first) >= len(_BARE) - 1:
+    if sum(number_in(cell, _DECIMAL_COMMAS) is not None for cell in first) >= len(_BARE) - 1:
         if len(first) not in (5, 6):
             raise InputError(f"{path}: {counted(len(first), 'column')} without a header, the first line must be {FORM}"
                              f"{_comma_advice(first, separator)}")
@@ -96,21 +96,44 @@ def _table(path: Path, columns: Sequence[Column], rows: list[Row], separator: st
     at = {column.meaning: i for i, column in enumerate(columns) if column.meaning}
     geographic = "lat" in at and "lon" in at and "east" not in at
     wanted = ["px", "py", *(("lon", "lat") if geographic else ("east", "north")), *(["up"] if "up" in at else [])]
+    separator = _separator_of_numbers(path, rows, [at[what] for what in wanted], separator)
     points = [(row, [_cell(path, n, row, at[what], separator, len(columns)) for what in wanted])
               for n, row in rows if any(row)]
     if not points:
         raise InputError(f"{path}: holds no point; below the first line there must be at least one")
     used = [columns[at[what]] for what in wanted]
-    if used[2].metres != used[3].metres:
-        east, north = (one_line(column.header) for column in used[2:4])
-        raise InputError(f"{path}: the columns {east} and {north} must be in one unit")
+    _check_units(path, *used[2:])
     numbers = np.array([values for _, values in points]) * [column.metres for column in used]
     places = numbers[:, 2:] if "up" in at else np.column_stack([numbers[:, 2:], np.full(len(points), np.nan)])
     named = at.get("name")
     names = tuple((row[named] if named is not None and named < len(row) else "") or f"G{i}"
                   for i, (row, _) in enumerate(points, 1))
     remarks = (*_converted(used), *_ignored(columns))
-    return GcpTable(names, numbers[:, :2], places, geographic, None, remarks, any(c.unit for c in used[2:4]))
+    return GcpTable(names, numbers[:, :2], places, geographic, None, remarks,
+                    used[2].metres if used[2].unit else None)
+
+
+def _separator_of_numbers(path: Path, rows: list[Row], at: Sequence[int], separator: str) -> str:
+    """The separator as of `number_in`, where commas within quotes separate no columns."""
+    cells = [(n, row[i]) for n, row in rows for i in at if i < len(row)]
+    thousand = next(((n, cell) for n, cell in cells if _THOUSAND.fullmatch(cell)), None)
+    decimal = next((cell for _, cell in cells if _COMMA.fullmatch(cell) and not _THOUSAND.fullmatch(cell)), None)
+    if separator != "," or decimal is None:
+        return separator
+    if thousand is not None:
+        raise InputError(f"{path}: line {thousand[0]}: {thousand[1]!r} may be a thousand or, as {decimal[:40]!r}, have "
+                         "a decimal comma; numbers must have decimal points and no other commas")
+    return _DECIMAL_COMMAS
+
+
+def _check_units(path: Path, east: Column, north: Column, up: Column | None = None) -> None:
+    """Raises InputError where a column names no unit and that of another one leaves open which it is."""
+    first, second = one_line(east.header), one_line(north.header)
+    if east.metres != north.metres or bool(east.unit) != bool(north.unit):
+        raise InputError(f"{path}: the columns {first} and {second} must be in one unit, which both or neither "
+                         "must name")
+    if up is not None and east.metres != 1 and not up.unit:
+        raise InputError(f"{path}: the column {one_line(up.header)} must name its unit, as {first} does")
 
 
 def _converted(columns: Sequence[Column]) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from stab_ros.core.errors import InputError
 from stab_ros.core.text import one_line
 from stab_ros.core.types import FloatArray
+from stab_ros.io.column_qualifiers import Qualifier, qualifier_of
 from stab_ros.io.length_units import LENGTHS_TEXT, metres_of
 
 FORM = "name,x,y,X,Y,Z (pixels, then east, north, up), or name,x,y,lat,lon,height"
@@ -23,13 +24,16 @@ _PLACES = {  # header, in small letters and without units: what it holds
     "lat": "lat", "latitude": "lat", "lon": "lon", "lng": "lon", "long": "lon", "longitude": "lon", "longtitude": "lon",
 }
 _UNIT = re.compile(r"(.*?)[ _]*(?:[\[(] *(.*?) *[\])]|(?<=[ _])"
-                   r"(px|pix|pixels?|deg|degrees?|m|meters?|metres?|cm|mm|km|ft|feet|foot|us ?ft|ft ?us))?",
+                   r"(px|pix|pixels?|deg|degrees?|m|meters?|metres?|cm|mm|km|"
+                   r"(?:us[ _-]?)?(?:survey[ _-]?)?(?:ft|feet|foot)(?:[ _-]?us)?(?:[ _-]?survey)?))?",
                    re.DOTALL | re.IGNORECASE)
 _CASED = {"x": "px", "y": "py", "X": "east", "Y": "north", "Z": "up"}
 _IN_PIXELS, _IN_LENGTHS = {"x": "px", "y": "py"}, {"x": "east", "y": "north", "z": "up"}
 _LONGEST = 100  # header, where longer ones have no meaning
 _PIXELS = re.compile(r"pix|px", re.IGNORECASE)
-_DEGREES = re.compile(r"deg|°|dec|dd|wgs", re.IGNORECASE)
+_DEGREES = re.compile(r"deg|°|dec|dd", re.IGNORECASE)
+_AXIS_OF = {"lon": "east", "lat": "north"}
+_TOWARDS = {"east": "to the east", "north": "to the north", "up": "upwards", "px": "to the right", "py": "downwards"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +48,7 @@ class GcpTable:
         geographic: whether the file has latitudes and longitudes.
         crs: "EPSG:nnnn" where the file names one.
         remarks: how it was read, where that is not plain: one line each.
-        in_metres: whether the file names the units of east and north, which are metres here.
+        unit_m: metres of the unit that the file names for east and north, which are metres here; None: it names none.
     """
 
     names: tuple[str, ...]
@@ -53,7 +57,7 @@ class GcpTable:
     geographic: bool = False
     crs: str | None = None
     remarks: tuple[str, ...] = ()
-    in_metres: bool = False
+    unit_m: float | None = None
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,7 @@ class Column:
     Attributes:
         meaning: name, px, py, east, north, up, lat or lon; "" for what is not known.
         metres: of one unit of a length, and 1 for all else.
-        unit: as written; "" where none is.
+        unit: of a length; "" where none is.
         header: as written.
     """
 
@@ -77,9 +81,12 @@ def column_of(header: str) -> Column:
     """What a column holds, by its header.
 
     Raises:
-        InputError: its unit is none of what it holds.
+        InputError: its unit is none of what it holds, or it runs along another axis.
     """
-    what, unit = meaning(header), _split(header)[1]
+    what, (_, beside) = meaning(header), _split(header)
+    unit, axis = beside.unit, _AXIS_OF.get(what, what)
+    if beside.axis and axis in _TOWARDS and beside.axis != axis:
+        raise InputError(f"the column {one_line(header)[:60]!r} must hold numbers that grow {_TOWARDS[axis]}")
     if what in ("east", "north", "up"):
         return Column(what, _factor(header, unit), unit, header)
     units, right = {"px": (_PIXELS, "px"), "py": (_PIXELS, "px"), "lat": (_DEGREES, "degrees"),
@@ -91,18 +98,20 @@ def column_of(header: str) -> Column:
 
 def meaning(header: str) -> str:
     """What a column or property holds, as of `Column`."""
-    bare, unit = _split(header)
+    bare, beside = _split(header)
     what = _CASED.get(bare) or _PLACES.get(bare.lower().replace(" ", "_"), "")
-    if _PIXELS.match(unit):
+    if bare.lower() in _IN_LENGTHS and beside.axis in _TOWARDS:
+        return beside.axis
+    if _PIXELS.match(beside.unit) or beside.of_image:
         return _IN_PIXELS.get(bare.lower()) or (what if what in ("px", "py") else "")
-    return _IN_LENGTHS.get(bare.lower(), what) if metres_of(unit) else what
+    return _IN_LENGTHS.get(bare.lower(), what) if metres_of(beside.unit) or beside.of_map else what
 
 
-def _split(header: str) -> tuple[str, str]:
-    """Name and unit of a column: in brackets, or after the last space or _."""
+def _split(header: str) -> tuple[str, Qualifier]:
+    """Name of a column, and what stands beside it: in brackets, or as a unit after the last space or _."""
     text = " ".join(header.split()).strip('" ')
     parts = _UNIT.fullmatch(text) if len(text) < _LONGEST else None
-    return (parts[1], parts[2] or parts[3] or "") if parts else (header, "")
+    return (parts[1], qualifier_of(parts[2] or parts[3] or "")) if parts else (header, Qualifier())
 
 
 def _factor(header: str, unit: str) -> float:

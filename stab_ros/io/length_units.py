@@ -12,14 +12,18 @@ LENGTHS: Mapping[str, float] = MappingProxyType({  # in small letters: metres
     **dict.fromkeys(("ft", "feet", "foot"), _FOOT),
     **dict.fromkeys(("us ft", "us survey ft", "us survey feet", "us survey foot", "ftus", "usft"), _SURVEY_FOOT)})
 LENGTHS_TEXT = "m, cm, mm, km, ft or US ft"
-_MOST_WORDS = 3
+_FEET, _SURVEY = {"ft", "feet", "foot"}, {"us", "survey"}
 _ABOVE_SEA = ("masl", "mamsl")
 
 
 def metres_of(unit: str) -> float | None:
-    """Metres of one unit, as `ft`, `US-ft`, `m a.s.l.`, whatever follows it, as a datum; None: it is unknown."""
-    words = re.findall(r"[a-z]+", unit.lower())
-    if words and words[0] in _ABOVE_SEA:
-        return 1.0
-    begins = (" ".join(words[:count]) for count in range(_MOST_WORDS, 0, -1))
-    return next((LENGTHS[name] for name in begins if name in LENGTHS), None)
+    """Metres of one unit, as `ft`, `US-ft`, `foot_US`, `m a.s.l.`, whatever follows it; None: it is unknown.
+
+    A foot with the word US or survey anywhere is the US survey foot.
+    """
+    words = re.findall(r"[a-z]+|\d+", unit.lower())
+    if not words:
+        return None
+    if words[0] in _FEET | _SURVEY and _FEET & set(words):
+        return _SURVEY_FOOT if _SURVEY & set(words) else _FOOT
+    return 1.0 if words[0] in _ABOVE_SEA else LENGTHS.get(words[0])

@@ -89,7 +89,7 @@ def fit_from_files(job: CameraJob) -> FittedCamera:
     table, size = read_gcps(job.gcps), image_size(job.image)
     known, said = camera_for(job.camera, size) if job.camera else (None, [])
     where = placed(table.names, table.image_px, table.places, job.crs or table.crs, geographic=table.geographic,
-                   in_metres=table.in_metres, level_m=job.wse_m)
+                   unit_m=table.unit_m, level_m=job.wse_m)
     check_inside(where.points, size)
     position = _position(job, table, where)
     doubts = _position_doubts(job, where.points, position, _fitter(job, size, known, None))

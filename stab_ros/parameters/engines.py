@@ -156,7 +156,7 @@ def _gcps_of(values: Mapping[str, Value], config: GeoreferenceConfig, file: Came
     try:
         of_orthophotos = crs == LOCAL or (table.geographic and is_projected(crs))  # and not of this table
         found = placed(table.names, pixels, table.places, table.crs if of_orthophotos else crs,
-                       geographic=table.geographic, in_metres=table.in_metres, frame=frame, level_m=config.wse_m)
+                       geographic=table.geographic, unit_m=table.unit_m, frame=frame, level_m=config.wse_m)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     return replace(found, doubts=tuple(f"{path}: {doubt}" for doubt in (*table.remarks, *found.doubts)))

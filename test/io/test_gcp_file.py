@@ -67,7 +67,53 @@ def test_units_of_the_header_become_metres_and_are_said(head: str, metres: tuple
     np.testing.assert_allclose(table.places, [np.array([100, -200, 3]) * metres], rtol=1e-15)
     assert np.array_equal(table.image_px, [[1, 2]])
     assert any("made metres" in remark for remark in table.remarks) == (set(metres) != {1})
-    assert table.in_metres == ("X,Y" not in head)
+    assert table.unit_m == (None if "X,Y" in head else metres[0])
+
+
+@pytest.mark.parametrize("unit", ["ft US", "ft-us", "feet US survey", "foot_US", "U.S. survey feet", "US_FT", "ftUS",
+                                  "survey ft", "US ft, NAVD88"])
+def test_feet_with_us_or_survey_are_us_survey_feet(unit: str, tmp_path: Path) -> None:
+    table = read_gcps(written(tmp_path / "g.csv", f'u,v,"X ({unit})","Y [{unit}]","Z ({unit})"\n1,2,1e6,-2e6,3\n'))
+    np.testing.assert_allclose(table.places, [np.array([1e6, -2e6, 3]) * 1200 / 3937], rtol=1e-15)
+
+
+@pytest.mark.parametrize("unit", ["ft us", "US ft", "us_survey_feet", "foot_US", "FT-US"])
+def test_us_survey_feet_need_no_brackets(unit: str, tmp_path: Path) -> None:
+    table = read_gcps(written(tmp_path / "g.csv", f"u,v,X {unit},Y_{unit},Z {unit}\n1,2,1e6,-2e6,3\n"))
+    np.testing.assert_allclose(table.places, [np.array([1e6, -2e6, 3]) * 1200 / 3937], rtol=1e-15)
+
+
+@pytest.mark.parametrize("head", [
+    "Elevation (NAVD88)", "Elevation (MSL)", "height (AMSL)", "height [a.s.l.]", "Z (ellipsoidal)", "z (EGM96)",
+    "Z (orthometric)", "z (up)", "Z (m, EGM2008)", "Z (NAVD 88 m)", "up (local)"])
+def test_a_datum_beside_heights_is_no_unit(head: str, tmp_path: Path) -> None:
+    table = read_gcps(written(tmp_path / "g.csv", f'name,u,v,X,Y,"{head}"\nA,1,2,3,4,5\n'))
+    assert np.array_equal(table.places, [[3, 4, 5]])
+    assert table.remarks == ()
+
+
+@pytest.mark.parametrize("head", [
+    "Easting (UTM 33N),Northing (UTM 33 N)", "X (east),Y (north)", "x (E),y (N)", "y (north),x (east)",
+    "X (local),Y (local)", "x (WGS 84 / UTM zone 33N),y (WGS 84 / UTM zone 33N)", "X (EPSG:25833),Y (EPSG:25833)",
+    "X (NAD83(2011)),Y (NAD83)", "x (ETRS89),y (ETRS89)"])
+def test_axes_and_systems_beside_places_are_no_units(head: str, tmp_path: Path) -> None:
+    table = read_gcps(written(tmp_path / "g.csv", f"name,x (col),y (row),{head}\nA,1,2,3,4\n"))
+    swapped = head.startswith("y")
+    assert np.array_equal(table.places[:, :2], [[4, 3] if swapped else [3, 4]])
+    assert np.array_equal(table.image_px, [[1, 2]])
+    assert table.unit_m is None
+
+
+def test_an_axis_beside_a_name_tells_what_the_column_holds(tmp_path: Path) -> None:
+    table = read_gcps(written(tmp_path / "g.csv", "x (row),y (col),X (north),Y (east)\n1,2,3,4\n"))
+    assert np.array_equal(table.image_px, [[2, 1]])
+    assert np.array_equal(table.places[:, :2], [[4, 3]])
+    table = read_gcps(written(tmp_path / "g.csv", "x [image],Y (image),Lat (N),Lon (°E)\n1,2,3,4\n"))
+    assert np.array_equal(table.image_px, [[1, 2]])
+    assert table.geographic
+    assert np.array_equal(table.places[:, :2], [[4, 3]])
+    table = read_gcps(written(tmp_path / "g.csv", "u,v,lat (WGS84),lon (WGS84 deg),Z (NAVD88 US ft)\n1,2,3,4,3937\n"))
+    np.testing.assert_allclose(table.places, [[4, 3, 1200]], rtol=1e-15)
 
 
 def test_decimal_commas_within_quotes(tmp_path: Path) -> None:
@@ -77,6 +123,20 @@ def test_decimal_commas_within_quotes(tmp_path: Path) -> None:
     assert np.array_equal(table.places, PLACES)
     with pytest.raises(InputError, match="'1,250' is no number"):  # it may be a thousand
         read_gcps(written(tmp_path / "g.csv", 'name,x,y,X,Y,Z\nA,10,20,"1,250",2,0\n'))
+    with pytest.raises(InputError, match="'1,250' may be a thousand or, as '0,5', have a decimal comma"):
+        read_gcps(written(tmp_path / "g.csv", 'name,x,y,X,Y,Z\nA,10,20,"1,250",2,"0,5"\n'))
+
+
+def test_commas_beside_the_numbers_tell_nothing_of_them(tmp_path: Path) -> None:
+    head = 'name,remark,x,y,X,Y,Z\n"12,5","3,25",10,20,'
+    table = read_gcps(written(tmp_path / "g.csv", head + "1.25,2,0\n"))
+    assert table.names == ("12,5",)
+    assert np.array_equal(table.places, [[1.25, 2, 0]])
+    with pytest.raises(InputError, match="'1,234' is no number"):
+        read_gcps(written(tmp_path / "g.csv", head + '"1,234",2,0\n'))
+    table = read_gcps(written(tmp_path / "g.csv", 'A,"10,5",20,"1234,567","0,250","-2,5"\n'))  # no header
+    assert np.array_equal(table.image_px, [[10.5, 20]])
+    assert np.array_equal(table.places, [[1234.567, 0.25, -2.5]])
 
 
 def test_columns_that_may_hold_the_heights_are_named(tmp_path: Path) -> None:
@@ -122,6 +182,16 @@ def test_geojson(tmp_path: Path) -> None:
     ("name,x [%],y [%],X,Y,Z\nA,1,2,3,4,5\n", r"the column 'x \[%\]' is in a unit that is not known, it must be px"),
     ("name,x,y,lat (rad),lon (rad)\nA,1,2,3,4\n", r"'lat \(rad\)' is in a unit that is not known, .* degrees"),
     ("name,x,y,X (ft),Y,Z\nA,1,2,3,4,5\n", r"the columns X \(ft\) and Y must be in one unit"),
+    ("name,x,y,X (m),Y,Z\nA,1,2,3,4,5\n", r"X \(m\) and Y must be in one unit, which both or neither must name"),
+    ("name,x,y,X (ft),Y (ft),Z\nA,1,2,3,4,5\n", r"the column Z must name its unit, as X \(ft\) does"),
+    ("u,v,X [mm],Y [mm],Z (NAVD88)\n1,2,3,4,5\n", r"the column Z \(NAVD88\) must name its unit, as X \[mm\] does"),
+    ("name,x,y,lat (N),lon (W)\nA,1,2,3,4\n", r"'lon \(W\)' must hold numbers that grow to the east"),
+    ("u,v,X (west),Y (south)\n1,2,3,4\n", r"'X \(west\)' must hold numbers that grow to the east"),
+    ("u,v,Easting (N),Northing (E)\n1,2,3,4\n", r"'Easting \(N\)' must hold numbers that grow to the east"),
+    ("u,v,X (1000 ft),Y (1000 ft)\n1,2,3,4\n", r"'X \(1000 ft\)' is in a unit that is not known"),
+    ("u,v,X (NAVD88 furlong),Y\n1,2,3,4\n", r"is in a unit that is not known"),
+    ("u,v,lat (WGS84 rad),lon (WGS84 rad)\n1,2,3,4\n", r"is in a unit that is not known, .* degrees"),
+    (f"u,v,X (nad{'1' * 80}mm),Y\n1,2,3,4\n", "is in a unit that is not known"),
     ("1,2,3,4\n", "4 columns without a header|no columns of pixels"),
     ("{", "is no GeoJSON"),
     ('{"type": "FeatureCollection", "features": [{"type": "Feature"}]}', "feature 1 is no control point"),

@@ -115,6 +115,22 @@ def test_feet_of_the_header_give_the_camera_in_metres_whatever_the_unit_of_the_s
         assert place[:2] == pytest.approx(SCENE.view.pose.position_m[:2] + away[:2], abs=0.5)
 
 
+def test_feet_of_the_header_are_the_feet_of_the_system(tmp_path: Path, frame: Path,
+                                                       capsys: pytest.CaptureFixture[str]) -> None:
+    feet = (POINTS.map_m + np.array([2e6, 6.5e5, 0])) / np.array([1200 / 3937, 1200 / 3937, 0.3048])
+    places = []
+    for unit in ("ft", "US ft", "ft us"):
+        gcps = table(tmp_path / "g.csv", POINTS, feet, f"X [{unit}],Y [{unit}],Z [ft]")
+        said = warnings_of(capsys, gcps, "--image", frame, "--crs", "EPSG:2227", "-o", tmp_path / f"{unit}.yaml")
+        assert ("are taken for those of EPSG:2227, of 0.304800610 m" in said) == (unit == "ft")
+        file = read_camera_file(tmp_path / f"{unit}.yaml")
+        assert file.frame is not None
+        assert file.pose is not None
+        places.append(file.frame.to_crs("EPSG:2227", file.pose.position_m[None])[0])
+    assert places[0] == pytest.approx(places[1], abs=1e-3)
+    assert places[0] == pytest.approx(places[2], abs=1e-3)
+
+
 def test_coordinates_far_from_where_the_system_is_used_are_doubted(tmp_path: Path, frame: Path,
                                                                   capsys: pytest.CaptureFixture[str]) -> None:
     known = calibration(tmp_path / "c.yaml")
