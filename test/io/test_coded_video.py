@@ -252,6 +252,22 @@ def test_pictures_after_a_damaged_packet_are_lost_up_to_the_next_key_frame(
         assert np.array_equal(images(one), [whole[number] for number in [0, 1, *range(5, 10)]])
 
 
+def test_a_damaged_b_frame_is_no_fault_of_the_stamps(
+        flight: list[Shot], stamps_ns: list[int], tmp_path: Path) -> None:
+    stream = encoded(flight, bf="2", preset="medium")
+    for at, packet in enumerate(stream[1:], 1):
+        if packet.number > stream[at - 1].number:
+            continue
+        cut = Packet(packet.number, packet.data[: len(packet.data) // 3])
+        bag = write_coded(tmp_path / "a.mcap", [*stream[:at], cut, *stream[at + 1 :]], stamps_ns,
+                          compressed_video("h264"))
+        with open_source(bag, None) as source:
+            found = list(source.frames())
+            assert lost(found)
+            assert source.warnings == []
+        assert sorted(picture.stamp_ns for picture in found) == stamps_ns
+
+
 @pytest.mark.parametrize(("encoder", "options"), [
     ("libx264", {}), ("libx264", {"bf": "2", "preset": "medium"}), ("libx264", {"preset": "slow"}),
     ("libx264", {"x264-params": "cqm=jvt:8x8dct=1:keyint=5:ref=4:slices=3"}), ("libx265", {})])
