@@ -292,6 +292,29 @@ def test_a_damaged_sqlite3_file(tmp_path: Path) -> None:
     assert "what follows is lost; `sqlite3 bag.db3" in warning
 
 
+@pytest.mark.parametrize("statement", [
+    "drop table topics", "drop table messages", "alter table topics rename column type to kind",
+    "update message_definitions set encoding = 'odd'"])
+def test_an_intact_sqlite3_file_that_is_no_recording(tmp_path: Path, statement: str) -> None:
+    path = sqlite3_bag(tmp_path / "bag")
+    with closing(sqlite3.connect(path)) as database:
+        database.execute(statement)
+        database.commit()
+    line = refusal(path)
+    assert line.startswith(f"{path}: cannot be read (")
+    assert line.endswith("), it must be a whole recording")
+
+
+@pytest.mark.parametrize(("suffix", "name"), [(".bag", "a ROS 1 bag"), (".db3", "a recording in sqlite3")])
+def test_an_intact_recording_with_the_name_of_another_format(tmp_path: Path, suffix: str, name: str) -> None:
+    whole = ros1_bag(tmp_path / "b.bag", 10) if suffix == ".bag" else sqlite3_bag(tmp_path / "b")
+    sent = read(whole).messages
+    renamed = whole.rename(tmp_path / "a.mcap")
+    line = refusal(renamed)
+    assert line.startswith(f"{renamed}: is {name}, not an MCAP file; its name must end in {suffix}; if it ")
+    assert read(renamed.rename(tmp_path / f"a{suffix}")).messages == sent
+
+
 @pytest.mark.skipif(shutil.which("sqlite3") is None, reason="needs the program sqlite3")
 def test_the_other_way_of_the_docs_saves_what_lies_before_the_damage(tmp_path: Path) -> None:
     page = (Path(__file__).parents[2] / "docs" / "inputs.md").read_text(encoding="utf-8")
