@@ -96,10 +96,10 @@ class McapFile:
         """The messages of a block by log time; of a damaged one none, with a warning."""
         offsets = MessageOffsets()
         try:
-            data, in_file = block_records(self._file, block)
-            for opcode, start, end in split(data, block.whole):
+            data, in_file, _ = block_records(self._file, block)
+            for opcode, start, _ in split(data, block.whole):
                 if opcode == Opcode.MESSAGE:
-                    offsets.add(data, start, end)
+                    offsets.add(data, start)
         except DamagedError as damage:
             self._lost(block.offset, str(damage))
             return
