@@ -116,7 +116,7 @@ class BagSource:
         in_order = order.sorted(self._first(messages, limit))
         restamp = partial(restamped, topic=self.topics[self.image_topic])
         for item in with_pictures(in_order, self.topics[self.image_topic]):
-            if isinstance(item, Picture):
+            if isinstance(item, Picture) and isinstance(item.decoded, Frame):  # lost ones of a video are in no order
                 check.add(item.stamp_ns, item.publish_time_ns, item.log_time_ns)
             yield item.stamped_as_logged(restamp) if by_log and isinstance(item, Picture) else item
         self._faults = [] if by_log else self._told(check.fault(), order.late.get(self.image_topic, 0))

@@ -51,10 +51,14 @@ class McapContents:
 
 
 class Records(NamedTuple):
-    """The records of a block. file_offset: where they begin in the file, None if they are compressed there."""
+    """The records of a block. file_offset: where they begin in the file, None if they are compressed there.
+
+    whole: all are there, and fit the CRC if there is one.
+    """
 
     data: memoryview
     file_offset: int | None
+    whole: bool = True
 
 
 def block_records(file: IO[bytes], block: Block) -> Records:
@@ -68,8 +72,8 @@ def block_records(file: IO[bytes], block: Block) -> Records:
         return Records(data, block.offset)
     if not _is_chunk(data, block.whole):
         raise DamagedError("is not a chunk")
-    unpacked_data, start = unpacked(data[RECORD_HEAD.size :], block.whole)
-    return Records(unpacked_data, None if start is None else block.offset + RECORD_HEAD.size + start)
+    unpacked_data, start, whole = unpacked(data[RECORD_HEAD.size :], block.whole)
+    return Records(unpacked_data, None if start is None else block.offset + RECORD_HEAD.size + start, whole)
 
 
 def _is_chunk(data: memoryview, whole: bool) -> bool:

@@ -69,7 +69,9 @@ class McapFile:
             raise InputError(f"{self.path}: {damage}, it must be an MCAP file") from damage
         storage = storage_of(self.path)
         if storage is not None:
-            raise InputError(f"{self.path}: is {storage.name}, not an MCAP file; if it {storage.damage}, "
+            named = self.path.name.lower().endswith(storage.suffixes)
+            to_do = "" if named else f"its name must end in {storage.suffixes[0]}; "
+            raise InputError(f"{self.path}: is {storage.name}, not an MCAP file; {to_do}if it {storage.damage}, "
                              f"{remedy_for(self.path, storage)}")
         if magic != MAGIC:
             raise InputError(f"{self.path}: is not an MCAP file, it must begin with the bytes 89 4D 43 41 50 30 0D 0A")
@@ -94,10 +96,10 @@ class McapFile:
         """The messages of a block by log time; of a damaged one none, with a warning."""
         offsets = MessageOffsets()
         try:
-            data, in_file = block_records(self._file, block)
-            for opcode, start, end in split(data, block.whole):
+            data, in_file, _ = block_records(self._file, block)
+            for opcode, start, _ in split(data, block.whole):
                 if opcode == Opcode.MESSAGE:
-                    offsets.add(data, start, end)
+                    offsets.add(data, start)
         except DamagedError as damage:
             self._lost(block.offset, str(damage))
             return

@@ -85,7 +85,7 @@ def split(data: memoryview, whole: bool = True) -> Iterator[tuple[int, int, int]
     """Opcode, start and end of the body of every record in `data`.
 
     Raises:
-        DamagedError: one is not whole. With `whole` False it is where the records end.
+        DamagedError: one is not whole, or a message without its header. With `whole` False it is where the records end.
     """
     try:
         yield from _split(data)
@@ -105,6 +105,8 @@ def _split(data: memoryview) -> Iterator[tuple[int, int, int]]:
             raise DamagedError("holds zeros where a record should begin")
         if length > len(data) - at:
             raise DamagedError("holds a record that is longer than itself")
+        if opcode == Opcode.MESSAGE and length < _MESSAGE_HEAD.size:
+            raise DamagedError("holds a message without a header")
         yield opcode, at, at + length
         at += length
 
@@ -118,10 +120,8 @@ class MessageOffsets:
     def __len__(self) -> int:
         return len(self._times_ns)
 
-    def add(self, data: memoryview, start: int, end: int) -> int:
-        """The message record whose body is data[start:end]; gives its channel."""
-        if end - start < _MESSAGE_HEAD.size:
-            raise DamagedError("holds a message without a header")
+    def add(self, data: memoryview, start: int) -> int:
+        """The message record whose body begins there, as `split` has it; gives its channel."""
         if len(self) == _MOST_MESSAGES:
             raise DamagedError(f"holds more than {_MOST_MESSAGES} messages")
         channel_id, _, log_time_ns, _ = _MESSAGE_HEAD.unpack_from(data, start)
@@ -166,11 +166,11 @@ def message_in(file: IO[bytes], offset: int) -> RecordedMessage:
     return RecordedMessage(log_time, publish_time, channel_id, data)
 
 
-def unpacked(chunk: memoryview, whole: bool = True) -> tuple[memoryview, int | None]:
-    """The records in the body of a chunk record, and where in it they begin, None if they are compressed there.
+def unpacked(chunk: memoryview, whole: bool = True) -> tuple[memoryview, int | None, bool]:
+    """The records in the body of a chunk record, where in it they begin, None: compressed, and whether all are there.
 
-    They are checked against their size and CRC (0: none). whole: False: the chunk may be cut off; then they are as many
-    as come out, unchecked.
+    If so, they are checked against their size and CRC (0: none). whole: False: the chunk may be cut off; then they are
+    as many as come out, unchecked.
 
     Raises:
         DamagedError: they cannot be decompressed, or are others.
@@ -187,12 +187,12 @@ def unpacked(chunk: memoryview, whole: bool = True) -> tuple[memoryview, int | N
         raise DamagedError(f"cannot be decompressed ({error})") from error
     plain_start = None if compression else start
     if not whole:
-        return data[:size], plain_start
+        return data[:size], plain_start, False
     if len(data) != size:
         raise DamagedError(f"does not hold the {size} bytes it claims")
     if crc and zlib.crc32(data) != crc:
         raise DamagedError("has a wrong CRC")
-    return data, plain_start
+    return data, plain_start, True
 
 
 def _decompressed(packed: memoryview, compression: str, size: int, whole: bool) -> memoryview:

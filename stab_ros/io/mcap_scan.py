@@ -84,32 +84,34 @@ class _Scan:
         except DamagedError as damage:
             self._lost(at, str(damage))
 
-    def _read_block(self, at: int, end: int, whole: bool = True) -> int:
-        """How many messages it holds. whole: False: the file ends within it."""
+    def _read_block(self, at: int, end: int, whole: bool = True) -> tuple[int, bool]:
+        """How many messages it holds, and whether it is all there. whole: False: the file ends within it."""
         offsets, counts = MessageOffsets(), Counter[int]()
-        data, _ = block_records(self._file, Block(0, 0, at, end - at, frozenset(), whole))
+        data, _, is_all = block_records(self._file, Block(0, 0, at, end - at, frozenset(), whole))
         for opcode, start, stop in split(data, whole):
             if opcode == Opcode.MESSAGE:
-                counts[offsets.add(data, start, stop)] += 1
+                counts[offsets.add(data, start)] += 1
             else:
                 self._contents.add_definition(parse(opcode, data[start:stop]))
         if counts:
             self._contents.counts.update(counts)
             self._contents.blocks.append(Block(*offsets.span_ns, at, end - at, frozenset(counts), whole))
-        return len(offsets)
+        return len(offsets), is_all
 
     def _add_rest(self, opcode: int, at: int) -> None:
         """What there is of the record within which the file ends."""
         try:
-            read = self._read_block(at, self._size, whole=False) if opcode == Opcode.CHUNK else 0
+            read, is_all = self._read_block(at, self._size, whole=False) if opcode == Opcode.CHUNK else (0, False)
         except DamagedError as damage:
             self._lost(at, f"is cut off and {damage}")
             return
         if not read:
             self._lost(at, "ends within a record")
             return
-        self._warn(f"the part at byte {at} is cut off, its first {counted(read, 'message')} {are(read)} read without "
-                   "the check of a CRC, what follows is lost")
+        fault, unchecked = ("has a wrong length, its", "") if is_all else (
+            "is cut off, its first", " without the check of a CRC")
+        self._warn(f"the part at byte {at} {fault} {counted(read, 'message')} {are(read)} read{unchecked}, "
+                   "what follows is lost")
 
     def _lost(self, at: int, why: str) -> None:
         self._warn(lost_part(at, why))

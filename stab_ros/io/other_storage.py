@@ -10,17 +10,21 @@ ROS1_SUFFIXES = (".bag", ".bag.active")  # the latter is what a recorder that wa
 
 
 class Storage(NamedTuple):
-    """A format by the bytes it begins with. damage, remedy: complete "it", and a line; {name}: of the file."""
+    """A format by the bytes it begins with. damage, remedy: complete "it", and a line; {name}: of the file.
+
+    suffixes: of its files, the usual one first.
+    """
 
     magic: bytes
     name: str
+    suffixes: tuple[str, ...]
     damage: str
     remedy: str
 
 
-ROS1 = Storage(b"#ROSBAG V", "a ROS 1 bag", "is cut off or was not closed",
+ROS1 = Storage(b"#ROSBAG V", "a ROS 1 bag", ROS1_SUFFIXES, "is cut off or was not closed",
                "`rosbag reindex {name}` of ROS 1 makes an index of what is there")
-SQLITE3 = Storage(b"SQLite format 3\0", "a recording in sqlite3", "is damaged or cut off",
+SQLITE3 = Storage(b"SQLite format 3\0", "a recording in sqlite3", (".db3",), "is damaged or cut off",
                   '`sqlite3 {name} ".recover" | sqlite3 whole.db3` saves what is left (docs/inputs.md has another way)')
 
 

@@ -28,6 +28,7 @@ from stab_ros.io.rosbags_bounds import BoundedReader1, BoundedReader2
 # what rosbags lets through on damaged files besides its own errors
 _DAMAGE = (
     *CONVERSION_ERRORS, *UNPACKING_ERRORS, Reader1Error, Reader2Error, YAMLError, apsw.Error, OSError)
+_SQLITE3_DAMAGE = (apsw.CorruptError, apsw.NotADBError)  # any other: an intact file that is no recording
 _UNSUPPORTED = "not supported"  # what rosbags says of bags that are encrypted, or of another version
 _SCHEMA_ENCODINGS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL: "ros2idl"}
 
@@ -136,6 +137,7 @@ def _reason(error: BaseException) -> str:
 def _to_do(path: Path, error: BaseException) -> str:
     """What to do about a file that cannot be opened."""
     storage = storage_of(path)
-    if storage is None or _UNSUPPORTED in str(error):
+    no_damage = storage is SQLITE3 and not isinstance(error.__cause__ or error, _SQLITE3_DAMAGE)
+    if storage is None or no_damage or _UNSUPPORTED in str(error):
         return "it must be a whole recording"
     return f"it {storage.damage}; {remedy_for(path, storage)}"

@@ -18,6 +18,8 @@ from stab_ros.io.cdr import SECOND_NS
 
 HELD = 8  # messages of a topic: how many places one may be late
 HELD_BYTES = 2**26  # of all that are held, unless that is less than one message
+_LEAST = 3  # messages of a topic that tell a clock from a message that was overtaken
+_MOST_BYTES = 4 * HELD_BYTES  # while there are fewer: those of other topics come between them
 _RUN = HELD + 1  # late messages: longer than what one can overtake
 _BACK_NS = SECOND_NS  # what goes back by more is another recording or a clock that was set
 _KNOWN = 256  # stamps of a topic: what a camera takes within that time
@@ -75,7 +77,8 @@ class SetBacks:
 
     def _must_wait(self, one: Stamped) -> bool:
         """Whether those that follow it tell what it is."""
-        few = self._held[one.message.topic] < _RUN and (self._bytes <= HELD_BYTES or len(self._queue) == 1)
+        held = self._held[one.message.topic]
+        few = held < _RUN and self._bytes <= (HELD_BYTES if held >= _LEAST else _MOST_BYTES)
         return few and 0 < self._late_ns(one) <= _BACK_NS
 
     def _late_ns(self, one: Stamped) -> int:

@@ -112,14 +112,15 @@ class TiffFile:
             offset = directory.following
 
     def _page(self, offset: int, fields: Mapping[int, _Field]) -> TiffPage:
-        width, height, kind, orientation = (
-            self._number(fields, tag) for tag in (_WIDTH, _HEIGHT, _SUBFILE_TYPE, _ORIENTATION))
+        width, height, kind = (self._number(fields, tag) for tag in (_WIDTH, _HEIGHT, _SUBFILE_TYPE))
+        told = _ORIENTATION in fields and fields[_ORIENTATION].kind in _INTEGERS
+        orientation = self._number(fields, _ORIENTATION) if told else _UPRIGHT
         known = orientation if 1 <= orientation <= 8 else _UPRIGHT
         return TiffPage(offset, (width, height), not kind & _NO_FRAME, known)
 
     def _planes(self, page: TiffPage, fields: Mapping[int, _Field]) -> Iterator[TiffPage]:
         """The images after the first of a stack with one directory; none where the file has no room for any."""
-        told = _IMAGEJ.match(self._value(fields[_DESCRIPTION])) if _DESCRIPTION in fields else None
+        told = _IMAGEJ.match(self._description(fields))
         images = int(told[1]) if told else 1
         room = self._room(fields) if images > 1 else 1
         if room < 2:
@@ -129,6 +130,13 @@ class TiffFile:
         yield from (replace(page, plane=plane) for plane in range(1, min(images, room)))
         if room < images:
             raise DamagedTiffError("is cut short")
+
+    def _description(self, fields: Mapping[int, _Field]) -> bytes:
+        """Of an image; what cannot be read is none, as no decoder needs it."""
+        try:
+            return self._value(fields[_DESCRIPTION]) if _DESCRIPTION in fields else b""
+        except DamagedTiffError:
+            return b""
 
     def _room(self, fields: Mapping[int, _Field]) -> int:
         """How many images as the first fit in the file from its first strip on; 0: there is no strip."""

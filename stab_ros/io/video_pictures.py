@@ -43,7 +43,7 @@ class VideoPictures:
         self._waiting: dict[int, _Waiting] = {}  # by number, in the order of arrival
         self._arrived: deque[_Waiting] = deque()  # as many, those that came first
         self._newest = -1
-        self._newest_ns = 0
+        self._newest_ns = self._shown_ns = 0  # stamps of packets and of the last picture
         self._of_pictures = False  # stamps have gone back: each is that of the packet's own picture
         self._why = _NO_KEY_FRAME  # a picture that does not come out is lost
 
@@ -54,6 +54,7 @@ class VideoPictures:
             self._decoder = None
         self._format = one_line(packet.format[:40])
         one = _Waiting(message, packet.header.stamp_ns, packet.header.frame_id)
+        self._follow(one.stamp_ns)
         try:
             self._decoder = self._decoder or VideoDecoder(packet.format)
         except MessageError as error:
@@ -94,9 +95,20 @@ class VideoPictures:
         self._newest += 1
         self._waiting[self._newest] = one
         self._arrived.append(one)
-        self._of_pictures = self._of_pictures or 0 < one.stamp_ns < self._newest_ns
-        self._newest_ns = max(self._newest_ns, one.stamp_ns)
         return self._newest
+
+    def _follow(self, stamp_ns: int) -> None:
+        """Whether stamps are those of pictures. A picture comes after all that are shown: else a clock was set back."""
+        if 0 < stamp_ns <= self._shown_ns:
+            self._newest_ns = stamp_ns
+        self._of_pictures = self._of_pictures or 0 < stamp_ns < self._newest_ns
+        self._newest_ns = max(self._newest_ns, stamp_ns)
+
+    def _judge_anew(self) -> None:
+        """From a key frame on: a clock that was set back by no more than the decoder holds looks like reordering."""
+        self._newest_ns, self._of_pictures = 0, False
+        for waiting in self._waiting.values():
+            self._follow(waiting.stamp_ns)
 
     def _given(self, shown: Sequence[Shown]) -> Iterator[Picture]:
         """Decoded pictures, and before each the ones that are lost, as one after them is shown already."""
@@ -110,7 +122,10 @@ class VideoPictures:
                 yield from self._resume(one.number, "the packet is damaged", held)
                 return
             self._why = _NO_PICTURE
+            self._shown_ns = self._stamp_ns(one.number)
             yield self._picture(one.number, self._frame(one))
+            if one.key:
+                self._judge_anew()
 
     def _is_past(self, waiting: int, shown: Shown) -> bool:
         """Whether a picture that waits can no longer come, as a later packet's is shown."""

@@ -292,6 +292,29 @@ def test_a_damaged_sqlite3_file(tmp_path: Path) -> None:
     assert "what follows is lost; `sqlite3 bag.db3" in warning
 
 
+@pytest.mark.parametrize("statement", [
+    "drop table topics", "drop table messages", "alter table topics rename column type to kind",
+    "update message_definitions set encoding = 'odd'"])
+def test_an_intact_sqlite3_file_that_is_no_recording(tmp_path: Path, statement: str) -> None:
+    path = sqlite3_bag(tmp_path / "bag")
+    with closing(sqlite3.connect(path)) as database:
+        database.execute(statement)
+        database.commit()
+    line = refusal(path)
+    assert line.startswith(f"{path}: cannot be read (")
+    assert line.endswith("), it must be a whole recording")
+
+
+@pytest.mark.parametrize(("suffix", "name"), [(".bag", "a ROS 1 bag"), (".db3", "a recording in sqlite3")])
+def test_an_intact_recording_with_the_name_of_another_format(tmp_path: Path, suffix: str, name: str) -> None:
+    whole = ros1_bag(tmp_path / "b.bag", 10) if suffix == ".bag" else sqlite3_bag(tmp_path / "b")
+    sent = read(whole).messages
+    renamed = whole.rename(tmp_path / "a.mcap")
+    line = refusal(renamed)
+    assert line.startswith(f"{renamed}: is {name}, not an MCAP file; its name must end in {suffix}; if it ")
+    assert read(renamed.rename(tmp_path / f"a{suffix}")).messages == sent
+
+
 @pytest.mark.skipif(shutil.which("sqlite3") is None, reason="needs the program sqlite3")
 def test_the_other_way_of_the_docs_saves_what_lies_before_the_damage(tmp_path: Path) -> None:
     page = (Path(__file__).parents[2] / "docs" / "inputs.md").read_text(encoding="utf-8")
@@ -360,6 +383,45 @@ def test_messages_without_a_channel_are_left_out(tmp_path: Path) -> None:
     found = read(bomb(tmp_path / "a.mcap", chunk_of(data, "", len(data))))
     assert [message.topic for message in found.messages] == ["/notes"]
     assert f"{tmp_path / 'a.mcap'}: 1 message of unknown topic is left out" in found.warnings
+
+
+def records_of(texts: list[bytes]) -> bytes:
+    """A channel and its messages, at 1 ns and so on."""
+    builder = RecordBuilder()
+    Schema(id=1, data=b"string data", encoding="ros2msg", name=STRING).write(builder)
+    Channel(id=1, topic="/notes", message_encoding="cdr", metadata={}, schema_id=1).write(builder)
+    for number, text in enumerate(texts, 1):
+        McapMessage(channel_id=1, log_time=number, data=text, publish_time=number, sequence=0).write(builder)
+    return bytes(builder.end())
+
+
+def test_what_lies_before_a_message_without_a_header_in_a_cut_chunk_is_read(tmp_path: Path) -> None:
+    short = b"\x05" + (5).to_bytes(8, "little") + bytes(5)
+    data = records_of([b"one", b"two"]) + short + records_of([b"three"])
+    path = bomb(tmp_path / "a.mcap", chunk_of(data, "", len(data)))
+    path.write_bytes(path.read_bytes()[:-3])
+    found = read(path)
+    assert [message.data for message in found.messages] == [b"one", b"two"]
+    assert "is cut off, its first 2 messages are read without the check of a CRC" in found.warnings[-1]
+
+
+@pytest.mark.parametrize("compression", COMPRESSIONS)
+def test_a_chunk_whose_length_alone_is_wrong_is_said_as_it_is(tmp_path: Path, compression: CompressionType) -> None:
+    path = by_mcap(tmp_path / "a.mcap", compression=compression, chunk_size=2**20)
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    (chunk,) = summary.chunk_indexes
+    content = bytearray(path.read_bytes()[: chunk.chunk_start_offset + chunk.chunk_length])
+    content[chunk.chunk_start_offset + 5] ^= 1  # 4 GB more
+    path.write_bytes(content)
+    found = read(path)
+    assert found.messages == FLIGHT
+    assert found.warnings[-1] == (f"{path}: the part at byte {chunk.chunk_start_offset} has a wrong length, "
+                                  f"its {len(FLIGHT)} messages are read, what follows is lost")
+    content[chunk.chunk_start_offset + 200] ^= 1
+    path.write_bytes(content)
+    assert "its messages are lost" in read(path).warnings[-1]
 
 
 def test_zeros_that_a_crashed_file_system_leaves(tmp_path: Path) -> None:

@@ -202,6 +202,34 @@ def test_stamps_of_packets_are_given_to_pictures_as_they_are_shown(
     assert np.array_equal(images(found), shown)
 
 
+@pytest.mark.parametrize("by_ns", [500_000_000, 10**9, 10**18], ids=["little", "a loop", "to the time since boot"])
+def test_a_clock_that_is_set_back_does_not_make_them_those_of_pictures(
+        flight: list[Shot], stamps_ns: list[int], tmp_path: Path, by_ns: int) -> None:
+    set_ns = [stamp_ns + by_ns * (number < KEY_EVERY) for number, stamp_ns in enumerate(stamps_ns)]
+
+    def message(packet: Packet, stamp_ns: int) -> bytes:
+        return compressed_video("h264")(packet, set_ns[stamps_ns.index(stamp_ns)])
+
+    stream = as_they_come(encoded(flight, bf="2", preset="medium"))
+    found = pictures(write_coded(tmp_path / "a.mcap", stream, stamps_ns, message))
+    assert not lost(found)
+    found_ns = [picture.stamp_ns for picture in found]
+    assert found_ns[KEY_EVERY:] == set_ns[KEY_EVERY:]
+    assert found_ns == set_ns or by_ns < 10**9  # what the decoder holds then cannot be told from reordering
+
+
+def test_the_log_time_of_a_message_without_a_stamp_does_not_either(
+        flight: list[Shot], stamps_ns: list[int], tmp_path: Path) -> None:
+    def message(packet: Packet, stamp_ns: int) -> bytes:
+        return compressed_video("h264")(packet, stamp_ns - 10**18) if packet.number else b"?"
+
+    stream = as_they_come(encoded(flight, bf="2", preset="medium"))
+    logged_ns = [stamp_ns + 10**18 for stamp_ns in stamps_ns]  # of a camera whose clock began when it was switched on
+    found = pictures(write_coded(tmp_path / "a.mcap", stream, logged_ns, message))
+    assert set(lost(found)) == {*range(KEY_EVERY)}
+    assert [picture.stamp_ns for picture in found] == [found[0].log_time_ns, *stamps_ns[1:]]
+
+
 @pytest.mark.parametrize("steady", [False, True])
 def test_log_times_of_b_frames_go_on_steadily(
         flight: list[Shot], stamps_ns: list[int], tmp_path: Path, steady: bool) -> None:
@@ -250,6 +278,22 @@ def test_pictures_after_a_damaged_packet_are_lost_up_to_the_next_key_frame(
         assert "it builds on a packet that is damaged" in lost(one)[4]
         assert [picture.stamp_ns for picture in one] == stamps_ns
         assert np.array_equal(images(one), [whole[number] for number in [0, 1, *range(5, 10)]])
+
+
+def test_a_damaged_b_frame_is_no_fault_of_the_stamps(
+        flight: list[Shot], stamps_ns: list[int], tmp_path: Path) -> None:
+    stream = encoded(flight, bf="2", preset="medium")
+    for at, packet in enumerate(stream[1:], 1):
+        if packet.number > stream[at - 1].number:
+            continue
+        cut = Packet(packet.number, packet.data[: len(packet.data) // 3])
+        bag = write_coded(tmp_path / "a.mcap", [*stream[:at], cut, *stream[at + 1 :]], stamps_ns,
+                          compressed_video("h264"))
+        with open_source(bag, None) as source:
+            found = list(source.frames())
+            assert lost(found)
+            assert source.warnings == []
+        assert sorted(picture.stamp_ns for picture in found) == stamps_ns
 
 
 @pytest.mark.parametrize(("encoder", "options"), [

@@ -129,6 +129,20 @@ def test_pictures_of_which_few_can_be_held(stamps_ns: list[int], is_sorted: bool
     assert found_ns == (sorted(stamps_ns) if is_sorted else stamps_ns)
 
 
+@pytest.mark.parametrize("by_s", [0.2, 0.5])
+def test_a_clock_that_was_set_back_beside_another_stream(by_s: float) -> None:
+    """Both of 4K in colour; two pictures of the other one come between the first after it and the next."""
+    other, padding = "/other/image_raw", bytes(24_900_000)
+    stamps_ns, running_ns = back(10, by_s, 15), back(15, 0, 15)
+    pairs = [((TOPIC, stamps_ns[k]), (other, running_ns[k])) for k in range(15)]
+    sent = [one for k, pair in enumerate(pairs) for one in (reversed(pair) if k == 11 else pair)]
+    made = (Message(topic, START_NS + number * STEP_NS // 2, 0, data_of(stamp_ns) + padding)
+            for number, (topic, stamp_ns) in enumerate(sent))
+    order = StampOrder([TOPIC, other])
+    assert [(message.topic, read_stamp(message.data)) for message in order.sorted(made)] == sent
+    assert not any(order.late.values())
+
+
 @pytest.mark.parametrize("zero", [(1, 3, 5, 7, 9), (0, 1, 2), (11,)])
 def test_some_stamps_of_zero_are_said(zero: Sequence[int], tmp_path: Path) -> None:
     stamps_ns = [(START_NS + number * STEP_NS) * (number not in zero) for number in range(12)]

@@ -125,6 +125,35 @@ def test_pages_of_pillow_come_back(compression: str | None, tmp_path: Path) -> N
             np.testing.assert_allclose(pixels(image), np.asarray(opened), atol=2 if compression == "jpeg" else 0)
 
 
+def entry_of(path: Path, tag: int, page: int = 0) -> int:
+    """Where in the file the field lies in the directory of a page."""
+    with tifffile.TiffFile(path) as file:
+        return file.pages[page].aspage().tags[tag].offset
+
+
+@pytest.mark.parametrize("kind", [2, 5, 9, 12, 99])  # text, rational, signed, float, none
+def test_an_orientation_of_another_type_is_none(kind: int, tmp_path: Path) -> None:
+    tifffile.imwrite(tmp_path / "s.tif", stack("uint8"), photometric="minisblack", metadata=None,
+                     extratags=[(274, 3, 1, 6, False)])
+    data = bytearray((tmp_path / "s.tif").read_bytes())
+    for page in range(PAGES):
+        struct.pack_into("<H", data, entry_of(tmp_path / "s.tif", 274, page) + 2, kind)
+    (tmp_path / "s.tif").write_bytes(data)
+    images, remark = stored_images(tmp_path / "s.tif")
+    assert ([image.orientation for image in images], remark) == ([1] * PAGES, "")
+    np.testing.assert_array_equal([pixels(image) for image in images], stack("uint8"))
+
+
+def test_a_description_beyond_the_file_is_none(tmp_path: Path) -> None:
+    tifffile.imwrite(tmp_path / "s.tif", stack("uint8")[0], description="of a river", metadata=None)
+    data = bytearray((tmp_path / "s.tif").read_bytes())
+    struct.pack_into("<I", data, entry_of(tmp_path / "s.tif", 270) + 8, len(data) + 100)
+    (tmp_path / "s.tif").write_bytes(data)
+    images, remark = stored_images(tmp_path / "s.tif")
+    assert (len(images), remark) == (1, "")
+    np.testing.assert_array_equal(pixels(images[0]), stack("uint8")[0])
+
+
 def test_thumbnails_masks_and_pages_of_another_size_are_no_frames(tmp_path: Path) -> None:
     """As in a GeoTIFF with overviews, or with a preview that does not say that it is one."""
     frames = stack("uint8")[:2]
