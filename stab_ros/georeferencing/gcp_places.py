@@ -10,7 +10,15 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import inside
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.control_points import ControlPoints
-from stab_ros.georeferencing.local_frame import FARTHEST_M, LOCAL, LocalFrame, area_doubt, crs_doubt, metres_per_unit
+from stab_ros.georeferencing.local_frame import (
+    FARTHEST_M,
+    LOCAL,
+    LocalFrame,
+    area_doubt,
+    crs_doubt,
+    is_projected,
+    metres_per_unit,
+)
 
 WGS84 = "EPSG:4326"
 _LIKE_A_GRID = 20_000.0  # coordinates above it are those of a projected system
@@ -35,6 +43,21 @@ class PlacedPoints:
     doubts: tuple[str, ...] = ()
 
 
+def survey_crs(crs: str | None, table_crs: str | None, geographic: bool) -> str | None:
+    """The reference system of surveyed points, for `placed`.
+
+    Args:
+        crs: that is asked for; beside latitudes and longitudes a projected one is that of orthophotos. None: none is.
+        table_crs: that the file of the points names; None: none.
+        geographic: whether the points have longitudes and latitudes.
+
+    Raises:
+        InputError: `crs` is unknown.
+    """
+    of_points = crs is not None and not (geographic and is_projected(crs))
+    return crs if of_points else table_crs
+
+
 def placed(names: tuple[str, ...], image_px: FloatArray, places: FloatArray, crs: str | None, *,
            geographic: bool = False, in_metres: bool = False, frame: LocalFrame | None = None,
            level_m: float | None = None) -> PlacedPoints:
@@ -56,6 +79,9 @@ def placed(names: tuple[str, ...], image_px: FloatArray, places: FloatArray, crs
     name = str(crs or (WGS84 if geographic else LOCAL))
     if geographic and name.lower() == LOCAL:
         raise InputError(f"latitudes and longitudes are not local, their reference system must be {WGS84} or another")
+    if geographic and is_projected(name):
+        raise InputError(f"{name} has eastings and northings, and the points latitudes and longitudes, whose reference "
+                         f"system must be {WGS84} or another with degrees")
     heights = np.where(np.isfinite(places[:, 2]), places[:, 2], 0.0 if level_m is None else level_m)
     full = np.column_stack([places[:, :2] / (metres_per_unit(name) if in_metres else 1), heights])
     doubts = _doubts(name, full)
