@@ -35,7 +35,8 @@ def add(commands: Any) -> None:
     parser.add_argument("--position-sigma", type=not_negative, default=0.0, metavar="M",
                         help="its standard deviation, m (default 0: it is kept as given)")
     parser.add_argument("--crs", metavar="EPSG:nnnn",
-                        help="the reference system of the places (default: local metres; WGS 84 for lat and lon)")
+                        help="the reference system of the places (default: local metres; WGS 84 for lat and lon, "
+                             "beside which a projected one is that of orthophotos)")
     parser.add_argument("--wse", type=number, metavar="M",
                         help="water surface elevation, in the heights of the points")
     parser.add_argument("--height", type=positive_float, metavar="M",

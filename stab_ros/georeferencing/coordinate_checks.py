@@ -72,9 +72,22 @@ def another_reading(points: ControlPoints, size: tuple[int, int], fit: Fit | Non
         again = _tried(fit_again, other)
         if again is None or again.wrong or below_points(again) or again.rmse_px > _EXACT * size[0]:
             continue
-        if below or fit is None or again.rmse_px < fit.rmse_px / _BETTER or len(fit.wrong) >= 2:
+        if fit is None or _explains(again, fit, below):
             return f"{text}: read so, the points fit within {again.rmse_px:.2g} px"
     return None
+
+
+def _explains(again: Fit, fit: Fit, below: bool) -> bool:
+    """Whether another reading explains what is bad of a fit: that of all points, also of those that were left out."""
+    if isinstance(again, PlaneFit) and isinstance(fit, CameraFit):
+        return False  # a homography fits the mirror image of points in a plane as well as the points
+    return below or again.rmse_px < _of_all_px(fit) / _BETTER
+
+
+def _of_all_px(fit: Fit) -> float:
+    """Root mean square distance of all points; infinite where one is behind the camera."""
+    size_px = float(np.sqrt(np.mean(np.sum(fit.residuals_px**2, axis=1))))
+    return size_px if np.isfinite(size_px) else np.inf
 
 
 def _readings(points: ControlPoints, size: tuple[int, int]) -> Iterator[tuple[str, ControlPoints]]:

@@ -67,8 +67,9 @@ class DynamicGpsImu:
         ground_m = config.wse_m + config.ground_above_wse_m
         self._fusion_settings = FusionSettings(ground_m, config.sensor_slow_share)
         self._fusion = Fusion(camera, self._fusion_settings)
-        self._watch = SensorWatch(camera, self._track, ground_m, config.apply_time_offset)
+        self._watch = SensorWatch(camera, self._track, ground_m, config.apply_time_offset, config.time_offset_s)
         self._left_out: tuple[str, ...] = ()  # that control points are, as they contradict the sensors
+        self._contradicting: tuple[int, KnownPose] | None = None  # what they tell, and the stamp of which frame
         self._moving = False  # whether a homography has come
         self._chain = object()  # of poses by sensors alone, on one clock
 
@@ -88,6 +89,7 @@ class DynamicGpsImu:
         if correction_s:
             self._sensors.shift(correction_s)
             self._fusion, self._chain = Fusion(self._camera, self._fusion_settings), object()
+            self._left_out = self._still_left_out()
 
     def _placed(self, sighting: Sighting) -> Answer:
         self._watch.add(sighting)
@@ -116,24 +118,39 @@ class DynamicGpsImu:
         self._moving = self._moving or (self._config.fuse_homographies and sighting.ref_H_cur is not None)
         if not self._moving:
             return prior if isinstance(prior, Unplaced) else _Told(prior.pose, prior.covariance, link=self._link(prior))
-        seen, self._first = self._agreeing(prior), None
+        seen, self._first = self._agreeing(sighting.stamp_ns, prior), None
         fused = self._fusion.update(sighting, None if isinstance(prior, Unplaced) else prior, seen)
         if not isinstance(fused, Fused):
             return prior if isinstance(prior, Unplaced) else fused
         lost = () if isinstance(prior, PosePrior) else (f"by homographies alone: {prior.reason}",)
         return _Told(fused.pose, fused.covariance, (*fused.warnings, *lost), fused.innovation, fused.link)
 
-    def _agreeing(self, prior: PosePrior | Unplaced) -> KnownPose | None:
+    def _agreeing(self, stamp_ns: int, prior: PosePrior | Unplaced) -> KnownPose | None:
         """The pose by control points, unless it contradicts that of the sensors, which is said."""
         if self._first is None or isinstance(prior, Unplaced):
             return self._first
-        times = contradiction(prior, self._first, self._fusion_settings.unlikely)
-        if times is None:
+        self._left_out = self._contradiction(prior, self._first)
+        if not self._left_out:
             return self._first
-        self._left_out = (f"control points and sensors contradict each other: {times:.1f} times as far apart as their "
-                          "sigmas say, the points are left out; check crs, origin and the datum of heights "
-                          "(fix_height_offset_m)",)
+        self._contradicting = stamp_ns, self._first
         return None
+
+    def _still_left_out(self) -> tuple[str, ...]:
+        """What is said of control points after the clock was corrected, which may have been all that was wrong."""
+        if self._contradicting is None:
+            return ()
+        stamp_ns, seen = self._contradicting
+        prior = self._track.pose_at(stamp_ns)
+        return self._left_out if isinstance(prior, Unplaced) else self._contradiction(prior, seen)
+
+    def _contradiction(self, prior: PosePrior, seen: KnownPose) -> tuple[str, ...]:
+        """That control points contradict the sensors, if they do, and what may be the cause, the usual first."""
+        times = contradiction(prior, seen, self._fusion_settings.unlikely)
+        return () if times is None else (
+            f"control points and sensors contradict each other: {times:.1f} times as far apart as their sigmas say, "
+            "the points are left out; check lever_arm_m, mount_rad, time_offset_s, the sigmas of the sensors "
+            "(position_sigma_m and attitude_sigma_rad where they tell none), crs, origin and the datum of heights "
+            "(fix_height_offset_m)",)
 
     def _link(self, prior: PosePrior) -> PoseLink:
         """Frames share the samples beside them, and what of all samples errs slowly."""

@@ -176,7 +176,7 @@ class Fusion:
         points = PlanePoints.of_view(self.camera, first.pose)
         placed = None if points is None else points.of_pose(first.pose, self.settings.plane_m)
         if points is None or placed is None:
-            return self._unseen(first.pose, "its sensors")
+            return self._unseen(first.pose, "its sensors" if control is None else "the control points")
         x = np.concatenate([placed[0], np.zeros(8)])
         information = np.diag(np.repeat([0.0, 1.0], [8, 8]))  # nothing of c, unit variance of b
         state = _State(points, x, np.eye(16), ref_H_cur, sighting.stamp_ns, 0.0)

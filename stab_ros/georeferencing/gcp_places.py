@@ -10,7 +10,15 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.geometry import inside
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.control_points import ControlPoints
-from stab_ros.georeferencing.local_frame import FARTHEST_M, LOCAL, LocalFrame, area_doubt, crs_doubt, metres_per_unit
+from stab_ros.georeferencing.local_frame import (
+    FARTHEST_M,
+    LOCAL,
+    LocalFrame,
+    area_doubt,
+    crs_doubt,
+    is_projected,
+    metres_per_unit,
+)
 from stab_ros.georeferencing.unit_checks import FOOT_M
 
 WGS84 = "EPSG:4326"
@@ -37,6 +45,21 @@ class PlacedPoints:
     doubts: tuple[str, ...] = ()
 
 
+def survey_crs(crs: str | None, table_crs: str | None, geographic: bool) -> str | None:
+    """The reference system of surveyed points, for `placed`.
+
+    Args:
+        crs: that is asked for; beside latitudes and longitudes a projected one is that of orthophotos. None: none is.
+        table_crs: that the file of the points names; None: none.
+        geographic: whether the points have longitudes and latitudes.
+
+    Raises:
+        InputError: `crs` is unknown.
+    """
+    of_points = crs is not None and not (geographic and is_projected(crs))
+    return crs if of_points else table_crs
+
+
 def placed(names: tuple[str, ...], image_px: FloatArray, places: FloatArray, crs: str | None, *,
            geographic: bool = False, unit_m: float | None = None, frame: LocalFrame | None = None,
            level_m: float | None = None) -> PlacedPoints:
@@ -59,6 +82,9 @@ def placed(names: tuple[str, ...], image_px: FloatArray, places: FloatArray, crs
     name = str(crs or (WGS84 if geographic else LOCAL))
     if geographic and name.lower() == LOCAL:
         raise InputError(f"latitudes and longitudes are not local, their reference system must be {WGS84} or another")
+    if geographic and is_projected(name):
+        raise InputError(f"{name} has eastings and northings, and the points latitudes and longitudes, whose reference "
+                         f"system must be {WGS84} or another with degrees")
     heights = np.where(np.isfinite(places[:, 2]), places[:, 2], 0.0 if level_m is None else level_m)
     unit, said = _unit_of(name, unit_m)
     full = np.column_stack([places[:, :2] / unit, heights])

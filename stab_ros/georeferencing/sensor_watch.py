@@ -32,6 +32,7 @@ class SensorWatch:
         track: of the sensors, `time_offset_s` applied.
         plane_m: elevation of the ground that homographies follow.
         applies: whether a time offset that is found is to be applied.
+        time_offset_s: that is applied: as given, and what was found since.
         warnings: what is wrong, one line each.
         values: figures for the status.
     """
@@ -40,6 +41,7 @@ class SensorWatch:
     track: PoseTrack
     plane_m: float
     applies: bool = False
+    time_offset_s: float = 0.0
     warnings: tuple[str, ...] = ()
     values: dict[str, float] = field(default_factory=dict)
     _seen: list[Sighting] = field(default_factory=list)
@@ -61,6 +63,7 @@ class SensorWatch:
     def taken_correction_s(self) -> float:
         """The time offset to be applied now, which is told once; 0: none."""
         correction_s, self._correction_s = self._correction_s, 0.0
+        self.time_offset_s += correction_s
         return correction_s
 
     def last_look(self) -> tuple[str, ...]:
@@ -90,10 +93,15 @@ class SensorWatch:
         if abs(offset.offset_s) < max(_LEAST_S, _SIGMAS * offset.sigma_s):
             return []
         off = f"{offset.offset_s:.3f} +- {offset.sigma_s:.3f} s"
-        if not applies:
+        if not self.applies:
             return [f"the clock of the sensors is off: add {off} to time_offset_s, or set apply_time_offset"]
+        sum_s = self.time_offset_s + offset.offset_s
+        if not applies:
+            return [f"the clock of the sensors is still off by {off}: for the whole recording, time_offset_s should be "
+                    f"{sum_s:.3f}"]
         self._correction_s = offset.offset_s
-        return [f"the clock of the sensors was off: {off} are added to time_offset_s after stamp {stamp_ns} ns"]
+        return [f"the clock of the sensors was off: {off} are added to time_offset_s after stamp {stamp_ns} ns, which "
+                f"makes it {sum_s:.3f}"]
 
 
 def _without_figures(text: str) -> str:

@@ -14,7 +14,7 @@ from stab_ros.georeferencing.camera_fit import CameraFit, fit_camera, fit_pose
 from stab_ros.georeferencing.camera_problem import KnownPosition, Unknowns
 from stab_ros.georeferencing.control_points import ControlPoints
 from stab_ros.georeferencing.coordinate_checks import Fitter, below_points, below_text, fit_as_read
-from stab_ros.georeferencing.gcp_places import PlacedPoints, check_inside, placed
+from stab_ros.georeferencing.gcp_places import PlacedPoints, check_inside, placed, survey_crs
 from stab_ros.georeferencing.leave_one_out import leave_one_out
 from stab_ros.georeferencing.plane_fit import PlaneFit, fit_plane
 from stab_ros.georeferencing.point_noise import PointNoise
@@ -41,7 +41,8 @@ class CameraJob:
         plane: fit the homography to the water plane only.
         position: (3,), place of the camera as the file writes places; None: not known.
         position_sigma_m: its standard deviation; 0: it is kept.
-        crs: reference system of the survey; None: as the file says, else local.
+        crs: reference system of the survey, or beside latitudes and longitudes a projected one for orthophotos; None:
+            as the file says, else local.
         wse_m: water surface elevation, in the heights of the survey; None: not known.
         height_m: known height of the camera above the water; None: not known.
         distance: names of two control points and their distance, m; None: not known.
@@ -88,8 +89,8 @@ def fit_from_files(job: CameraJob) -> FittedCamera:
     """
     table, size = read_gcps(job.gcps), image_size(job.image)
     known, said = camera_for(job.camera, size) if job.camera else (None, [])
-    where = placed(table.names, table.image_px, table.places, job.crs or table.crs, geographic=table.geographic,
-                   unit_m=table.unit_m, level_m=job.wse_m)
+    where = placed(table.names, table.image_px, table.places, survey_crs(job.crs, table.crs, table.geographic),
+                   geographic=table.geographic, unit_m=table.unit_m, level_m=job.wse_m)
     check_inside(where.points, size)
     position = _position(job, table, where)
     doubts = _position_doubts(job, where.points, position, _fitter(job, size, known, None))
@@ -224,4 +225,4 @@ def _file(job: CameraJob, fit: CameraFit | PlaneFit, where: PlacedPoints, known:
     name = known.name if known else "camera"
     nominal = known.nominal if known and not fit.unknowns.focals else 0.0
     return CameraFile(fit.view.camera, name, nominal, fit.view.pose, fit.pose_covariance, fit.unknowns.names,
-                      fit.covariance, where.crs, where.frame, job.wse_m, about)
+                      fit.covariance, job.crs or where.crs, where.frame, job.wse_m, about)

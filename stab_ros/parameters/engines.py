@@ -107,14 +107,20 @@ def make_georeferencer(values: Mapping[str, Value], camera: Camera | None, size:
         known = Camera(known.K, np.zeros(0), "plumb_bob", known.size)
     gcps = _gcps_of(values, config, file, image_H_ref)
     sensors, frame = Sensors(config.time_offset_s), _frame_of(values, file, gcps)
-    if needs_sensors(config) and gcps is not None and frame is None:
-        raise ConfigError(f"{values['gcps_file']}: local control points and fixes of GPS need one map, give crs (the "
-                          "EPSG code of the points), or as origin where on the Earth their 0, 0, 0 lies")
+    if gcps is not None:
+        _check_map(values, config, frame)
     points = None if gcps is None else gcps.points
     pose = None if file is None or file.pose is None else (file.pose, file.pose_covariance)
     orientation = make_orientation(config, known, camera is not None, points, sensors, pose)
     doubts = (*remarks, *(() if gcps is None else gcps.doubts))
     return Georeferencer(config, known, orientation, sensors, image_H_ref, points, frame, doubts)
+
+
+def _check_map(values: Mapping[str, Value], config: GeoreferenceConfig, frame: LocalFrame | None) -> None:
+    """Raises ConfigError where control points and fixes are in maps of their own. frame: of the points."""
+    if needs_sensors(config) and frame is None:
+        raise ConfigError(f"{values['gcps_file']}: local control points and fixes of GPS need one map, give crs (the "
+                          "EPSG code of the points), or as origin where on the Earth their 0, 0, 0 lies")
 
 
 def tells_level(values: Mapping[str, Value]) -> bool:
@@ -145,17 +151,16 @@ def camera_of(values: Mapping[str, Value], size: tuple[int, int]) -> tuple[Camer
 def _gcps_of(values: Mapping[str, Value], config: GeoreferenceConfig, file: CameraFile | None,
              image_H_ref: Homography | None) -> PlacedPoints | None:
     """The control points of `gcps_file` in the map, their pixels those of the reference if images are stabilised."""
-    from stab_ros.georeferencing.gcp_places import placed
+    from stab_ros.georeferencing.gcp_places import placed, survey_crs
 
     path = str(values.get("gcps_file", ""))
     if not path:
         return None
-    table, crs = read_gcps(Path(path)), str(values.get("crs", LOCAL))
+    table = read_gcps(Path(path))
     pixels = table.image_px if image_H_ref is None else apply(np.linalg.inv(image_H_ref), table.image_px)
     frame = origin_of(values) or (None if file is None else file.frame)
     try:
-        of_orthophotos = crs == LOCAL or (table.geographic and is_projected(crs))  # and not of this table
-        found = placed(table.names, pixels, table.places, table.crs if of_orthophotos else crs,
+        found = placed(table.names, pixels, table.places, survey_crs(_asked_crs(values), table.crs, table.geographic),
                        geographic=table.geographic, unit_m=table.unit_m, frame=frame, level_m=config.wse_m)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
@@ -178,6 +183,20 @@ def origin_of(values: Mapping[str, Value]) -> LocalFrame | None:
     return LocalFrame(*numbers_of("origin", text, 3)) if text.strip() else None
 
 
+def _asked_crs(values: Mapping[str, Value]) -> str | None:
+    crs = str(values.get("crs", LOCAL))
+    return None if crs == LOCAL else crs
+
+
+def _are_local(values: Mapping[str, Value], gcps_file: Path) -> bool:
+    """Whether control points are in metres of a map that lies nowhere on the Earth, by themselves."""
+    from stab_ros.georeferencing.gcp_places import survey_crs
+
+    table = read_gcps(gcps_file)
+    crs = survey_crs(_asked_crs(values), table.crs, table.geographic)
+    return not table.geographic and (crs is None or crs.lower() == LOCAL)
+
+
 def crs_of(values: Mapping[str, Value]) -> str:
     """The projected reference system that `crs`, the control points or the file of the camera name; else "local".
 
@@ -189,7 +208,8 @@ def crs_of(values: Mapping[str, Value]) -> str:
     camera_file, gcps_file = str(values.get("camera_file", "")), str(values.get("gcps_file", ""))
     named = [read_gcps(Path(gcps_file)).crs] if gcps_file else []
     if camera_file and camera_file not in profiles():
-        named.append(read_camera_file(Path(camera_file)).crs)
+        file = read_camera_file(Path(camera_file))
+        named += [] if file.frame is None else [file.crs]  # without its place on the Earth, the map is not in that
     return next((crs for crs in named if crs is not None and is_projected(crs)), LOCAL)
 
 
@@ -209,14 +229,16 @@ def check_georeference(values: Mapping[str, Value]) -> None:
     Raises:
         InputError: as `make_georeferencer`; but whether control points fit the camera is not known yet.
     """
-    georeference_config(values)
-    origin = origin_of(values)
+    config = georeference_config(values)
+    origin = frame = origin_of(values)
     camera_file, gcps_file = str(values.get("camera_file", "")), str(values.get("gcps_file", ""))
     if camera_file and camera_file not in profiles():
         file = read_camera_file(Path(camera_file))
         moved_to(origin, file)
+        frame = origin or file.frame
     if gcps_file:
-        read_gcps(Path(gcps_file))
+        if _are_local(values, Path(gcps_file)):
+            _check_map(values, config, frame)
     elif not camera_file:
         camera = uncalibrated((640, 480))
         make_georeferencer(values, camera, camera.size)

@@ -173,6 +173,19 @@ def test_control_points_that_contradict_the_sensors_are_left_out_and_that_is_sai
         assert np.median(_errors_m(answer, number)) < 0.15
 
 
+def test_a_contradiction_by_the_clock_is_said_until_that_is_corrected() -> None:
+    config, place = replace(CONFIG, apply_time_offset=True), _pose_at(0.0)
+    sensors, by_points = Sensors(0.0), (place, np.diag([1e-6] * 3 + [1e-8] * 3))
+    engine = Georeferencer(config, CAMERA, DynamicGpsImu(config, CAMERA, sensors, by_points), sensors)
+    _told(engine, measured(_pose_at, 11.6, replace(PPK, lever_arm_m=LEVER, delay_s=0.4), 4))
+    answers = [engine.frame(_frame(number), _motion(number)).placement for number in range(104)]
+    said = [[doubt for doubt in answer.warnings if "control points and sensors contradict" in doubt]
+            for answer in answers if answer is not None]
+    assert [bool(doubts) for doubts in said] == [True] * 101 + [False] * 3
+    for cause in ("lever_arm_m", "mount_rad", "time_offset_s", "sigmas of the sensors", "origin"):
+        assert cause in said[0][0].partition("check")[2]
+
+
 def test_a_late_sensor_is_a_reason_and_homographies_go_on() -> None:
     engine, samples = _engine(CONFIG), _samples(PPK, 2)
     _told(engine, samples, FIRST_NS + 10 * STEP_NS)
@@ -252,7 +265,20 @@ def test_a_delay_that_is_found_is_applied_where_that_is_wanted() -> None:
         assert (one.placement.map_H_image == other.placement.map_H_image).all()
         assert one.placement.warnings == other.placement.warnings
     assert recorded[-1].placement is not None
-    assert "are added to time_offset_s after stamp 11000000000 ns" in recorded[-1].placement.warnings[0]
+    assert "are added to time_offset_s after stamp 11000000000 ns, which makes it -0.1" in recorded[
+        -1].placement.warnings[0]
+
+
+def test_an_offset_that_a_short_recording_left_is_told_as_the_value_to_set() -> None:
+    config = replace(CONFIG, apply_time_offset=True, time_offset_s=-0.1)
+    engine = _engine(config)
+    _told(engine, measured(_pose_at, 9.6, replace(PPK, lever_arm_m=LEVER, delay_s=0.3), 4))
+    for number in range(96):
+        engine.frame(_frame(number), _motion(number))
+    (said,) = (doubt for doubt in engine.last_look() if "clock" in doubt)
+    assert "still off by -0." in said
+    assert float(said.rpartition(" ")[2]) == pytest.approx(-0.3, abs=0.02)
+    assert "apply_time_offset" not in said
 
 
 def test_an_attitude_in_other_axes_is_named() -> None:

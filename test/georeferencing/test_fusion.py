@@ -219,6 +219,8 @@ def test_what_is_not_known_is_said() -> None:
     assert "not positive definite" in wrong.reason
     up = replace(prior_of(flight, 0), pose=Pose.of_angles(np.array([0, 0, 46.0]), 0, -1.5, 0))
     assert fusion.update(first, up) == Unplaced("the camera does not look down on the ground, by its sensors")
+    assert fusion.update(first, prior_of(flight, 0), (up.pose, np.eye(6))) == Unplaced(
+        "the camera does not look down on the ground, by the control points")
     assert fusion.update(replace(first, ref_H_cur=None), None) == Unplaced(
         "the frame is lost, and the sensors tell nothing of it")
 

@@ -11,8 +11,11 @@ from control_scene import SIZE, Scene, moved
 from pyproj import Transformer
 
 from stab_ros.cli import main
+from stab_ros.core.errors import InputError
 from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.control_points import ControlPoints
+from stab_ros.georeferencing.gcp_places import placed
+from stab_ros.georeferencing.local_frame import LocalFrame
 from stab_ros.imaging.pose import Pose
 from stab_ros.imaging.view import View
 from stab_ros.io.camera_file import CameraFile, read_camera_file, write_camera_file
@@ -129,6 +132,29 @@ def test_feet_of_the_header_are_the_feet_of_the_system(tmp_path: Path, frame: Pa
         places.append(file.frame.to_crs("EPSG:2227", file.pose.position_m[None])[0])
     assert places[0] == pytest.approx(places[1], abs=1e-3)
     assert places[0] == pytest.approx(places[2], abs=1e-3)
+
+
+def test_a_projected_system_beside_latitudes_and_longitudes_is_that_of_orthophotos(
+        tmp_path: Path, frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    here = LocalFrame(46.2, 7.3, 0.0)
+    gcps = table(tmp_path / "g.csv", POINTS, here.to_geodetic(POINTS.map_m), "lat,lon,height")
+    files: list[CameraFile] = []
+    more: tuple[list[str], ...] = ([], ["--crs", "EPSG:32632"])
+    for words in more:
+        out = tmp_path / f"{len(files)}.yaml"
+        assert "elsewhere" not in warnings_of(capsys, gcps, "--image", frame, "-o", out, *words)
+        files.append(read_camera_file(out))
+    plain, projected = files
+    assert plain.pose is not None
+    assert projected.pose is not None
+    assert (plain.pose.position_m == projected.pose.position_m).all()
+    assert (plain.crs, projected.crs) == ("EPSG:4326", "EPSG:32632")
+    assert plain.frame == projected.frame
+
+
+def test_latitudes_and_longitudes_are_no_eastings_and_northings() -> None:
+    with pytest.raises(InputError, match="EPSG:32632 has eastings and northings, and the points latitudes"):
+        placed(POINTS.names, POINTS.image_px, POINTS.map_m, "EPSG:32632", geographic=True)
 
 
 def test_coordinates_far_from_where_the_system_is_used_are_doubted(tmp_path: Path, frame: Path,

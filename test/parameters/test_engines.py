@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +83,16 @@ def test_local_control_points_and_fixes_need_one_map(tmp_path: Path) -> None:
                                 "wse_m": 305.0}
     with pytest.raises(InputError, match="local control points and fixes of GPS need one map, give crs"):
         make_georeferencer(values, CAMERA, CAMERA.size)
+    with pytest.raises(InputError, match="local control points and fixes of GPS need one map, give crs"):
+        check_georeference(values)
+    one_map: tuple[dict[str, Value], ...] = (
+        {"origin": "45, 8, 0"}, {"crs": "EPSG:32632"}, {"orientation": "stationary_gcps"})
+    for more in one_map:
+        check_georeference({**values, **more})
+    for frame, refused in ((HERE, False), (None, True)):
+        write_camera_file(tmp_path / "camera.yaml", CameraFile(CAMERA, frame=frame))
+        with pytest.raises(InputError, match="need one map") if refused else nullcontext():
+            check_georeference({**values, "camera_file": str(tmp_path / "camera.yaml")})
     engine = make_georeferencer({**values, "origin": "45, 8, 0"}, CAMERA, CAMERA.size)
     assert engine.local_frame == LocalFrame(45, 8, 0)
 
@@ -90,6 +101,7 @@ def test_a_projected_system_beside_latitudes_and_longitudes_is_that_of_orthophot
     write_gcps(tmp_path / "gcps.csv", "lat,lon,height", HERE.to_geodetic(PLACES_M))
     values: dict[str, Value] = {"orientation": "stationary_gcps", "gcps_file": str(tmp_path / "gcps.csv"),
                                 "wse_m": 300.0}
+    check_georeference({**values, "orientation": "dynamic_gps_imu"})
     plain, with_crs = (make_georeferencer({**values, **more}, CAMERA, CAMERA.size) for more in (
         {}, {"crs": "EPSG:32632"}))
     assert plain.gcps is not None
@@ -107,3 +119,5 @@ def test_files_tell_the_reference_system_of_orthophotos(tmp_path: Path) -> None:
     assert crs_of({"gcps_file": str(tmp_path / "gcps.csv")}) == "local"
     write_camera_file(tmp_path / "camera.yaml", CameraFile(CAMERA, pose=POSE, crs="EPSG:4326", frame=HERE))
     assert crs_of({"camera_file": camera_file}) == "local"  # degrees are none of an orthophoto
+    write_camera_file(tmp_path / "camera.yaml", CameraFile(CAMERA, pose=POSE, crs="EPSG:32632"))
+    assert crs_of({"camera_file": camera_file}) == "local"  # where its map lies is not known
