@@ -96,7 +96,7 @@ class ImageHub(params.DeclaringNode):
             f"{counted(self.awaited, 'node')} of the process to take images, so far {there}")
 
     def expect_no_more(self, name: str) -> None:
-        """The node of this full name will not ask for images: it is not waited for."""
+        """See `ImageSource`."""
         with self._lock:
             self._joined.add(name)
             self._open()

@@ -169,6 +169,8 @@ class TrackerNode(StabNode):
         if self._input.is_open:
             self._stop_taking()
             self.get_logger().info("asleep: nobody listens to any output")
+        if self.images is not None and self._sleep.is_settled:
+            self.images.expect_no_more(self.get_fully_qualified_name())
 
     def _stop_taking(self) -> None:
         """The silence until the next image is no fault of the stream."""
