@@ -406,7 +406,7 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
                 self.get_logger().warning(line)
 
     def declare_parameter(self, name: str, *args: Any, **options: Any) -> Parameter:
-        """As of rclpy, which declares the quality of service of what begins to be published or taken."""
+        """Also called by rclpy, for the quality of service of what begins to be published or taken."""
         self._declared = name
         try:
             return super().declare_parameter(name, *args, **options)

@@ -72,6 +72,12 @@ class DeclaringNode(Node):
         self.autostart = True
         self.others: Collection[str] = ()
 
+    def declare_parameter(self, name: str, *args: Any, **options: Any) -> RosParameter:
+        """As of rclpy; a quality of service comes with the value in force, which may have been set after the start."""
+        if name.startswith(PREFIX):
+            options["ignore_override"] = True
+        return super().declare_parameter(name, *args, **options)
+
 
 def table_of(settings: type[Any]) -> dict[str, Parameter]:
     """The parameters that the fields of a settings dataclass define."""
