@@ -360,10 +360,13 @@ class TrackerNode(StabNode):
             return
         self._reset_if_asked()
         check_change(self.values, changed)
-        if self._file.is_pending:
-            raise InputError("the saved reference is not in force yet, set it again once the tracker is ready")
         values = {**self.values, **changed}
-        reconfigure(self.stabilizer, values)
+        if not self._file.is_pending:
+            reconfigure(self.stabilizer, values)
+        elif self.is_paused:  # as after an activation that failed: the next one judges whether they fit the reference
+            self.stabilizer = make_stabilizer(values, None if self.camera is None else self.camera.camera)
+        else:
+            raise InputError("the saved reference is not in force yet, set it again once the tracker is ready")
         self.values = values
         self.status.method = str(values["method"])
 
