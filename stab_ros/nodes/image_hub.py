@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from threading import RLock
 from typing import TYPE_CHECKING, Any
@@ -104,13 +105,17 @@ class ImageHub(params.DeclaringNode):
     def join(self, node: Node, topic: str, compressed: bool, keep_all: bool,
              take: Callable[[ReceivedImage], None]) -> ImageSubscription:
         """See `ImageSource`."""
-        wish = _Wish(topic, compressed, keep_all)
-        with self._lock:
+        wish, name = _Wish(topic, compressed, keep_all), node.get_fully_qualified_name()
+        with self._lock, ExitStack() as undo:
             if wish not in self._channels:
                 self._channels[wish] = _Channel(self, wish, self._lock)
             member = _Member(node, self._channels[wish], take, self._leave, self._tell_obstacle)
-            self._joined.add(node.get_fully_qualified_name())
+            undo.callback(member.close)
+            if name not in self._joined:
+                undo.callback(self._joined.discard, name)
+            self._joined.add(name)
             self._open()
+            undo.pop_all()
         return member
 
     def supply(self, topic: str, msgtype: str) -> ImageSupply:
