@@ -19,6 +19,7 @@ from stab_ros.nodes.image_hub import ImageHub
 from stab_ros.nodes.received_image import ReceivedImage
 
 IMAGES, FEW = 100, 20
+LONG = 100  # looks of a node at its images: 10 s
 
 
 def test_images_wait_in_dds_while_a_node_has_no_room(graph: Graph) -> None:
@@ -41,6 +42,28 @@ def test_images_wait_in_dds_while_a_node_has_no_room(graph: Graph) -> None:
         executor.shutdown()
     assert [one.frame().stamp_ns for one in taken] == [*range(IMAGES)]
     part.close()
+
+
+def test_each_reason_for_no_images_is_said_once(graph: Graph, capfd: pytest.CaptureFixture[str]) -> None:
+    hub, executor = ImageHub(context=graph.context), SingleThreadedExecutor(context=graph.context)
+    hub.awaited = 2
+    part = hub.join(graph.node, "/image", compressed=False, keep_all=True, take=lambda image: None)
+
+    def said() -> list[str]:
+        for _ in range(LONG):
+            part.refresh()
+        return [line.split("images are taken: ")[1] for line in capfd.readouterr().err.splitlines()]
+
+    assert [line[:12] for line in said()] == ["nobody spins"]
+    assert hub.obstacle == "an executor that spins /image_hub"
+    executor.add_node(hub)
+    spins = itertools.count()
+    graph.until(lambda: executor.spin_once(timeout_sec=0.1) or next(spins) > 1, "the hub is spun")
+    assert said() == ["they wait for 2 nodes of the process to take images, so far 1"]
+    assert not said()
+    part.close()
+    executor.shutdown()
+    hub.destroy_node()
 
 
 def test_a_node_that_could_not_join_holds_nobody_up(graph: Graph) -> None:

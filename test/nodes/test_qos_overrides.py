@@ -107,7 +107,7 @@ def test_what_nothing_uses_is_told_with_the_nearest_name(graph: Graph, tmp_path:
 
 def test_what_is_set_before_configure_comes_before_what_was_given_at_the_start(graph: Graph) -> None:
     override = "qos_overrides./homography.publisher.reliability"
-    graph.start("tracker_node", autostart=False, **{override: "best_effort"})
+    graph.run("tracker_node", ["--ros-args", "-p", "autostart:=false", "-p", f"{override}:=best_effort"])
     assert graph.set_parameter("tracker_node", override, "reliable") == (True, "")
     configure = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_CONFIGURE))
     assert graph.call(ChangeState, "tracker_node/change_state", configure).success
