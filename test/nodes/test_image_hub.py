@@ -57,13 +57,11 @@ def test_each_reason_for_no_images_is_said_once(graph: Graph, capfd: pytest.Capt
     assert [line[:12] for line in said()] == ["nobody spins"]
     assert hub.obstacle == "an executor that spins /image_hub"
     executor.add_node(hub)
-    spins = itertools.count()
-    graph.until(lambda: executor.spin_once(timeout_sec=0.1) or next(spins) > 1, "the hub is spun")
+    executor.spin_once(timeout_sec=10.0)  # until its timer
     assert said() == ["they wait for 2 nodes of the process to take images, so far 1"]
     assert not said()
     part.close()
     executor.shutdown()
-    hub.destroy_node()
 
 
 def test_a_node_that_could_not_join_holds_nobody_up(graph: Graph) -> None:
@@ -90,5 +88,3 @@ def test_a_node_that_could_not_join_holds_nobody_up(graph: Graph) -> None:
     graph.until(all_taken, "all images")
     part.close()
     executor.shutdown()
-    lost.destroy_node()
-    hub.destroy_node()
