@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from threading import RLock
 from typing import TYPE_CHECKING, Any
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 RELIABLE_FIX = "let it offer RELIABLE, or set queue_depth:=1"
 _LOOK_S = 0.1
 _MOST_WAITING = 8  # images for a node that wants all of them
-_LOOKS = 50  # of a node, until it is said that no images can come: 5 s
+_LOOKS = 50  # of a node, until it is said that no images can come, if it is so: 5 s
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ class ImageHub(params.DeclaringNode):
         super().__init__(name, **options)
         self.awaited = 0
         self._joined: set[str] = set()  # full names of nodes that have asked so far, or never will
-        self._is_spun = self._obstacle_is_told = False
+        self._is_spun = self._idleness_is_told = self._obstacle_is_told = False
         self._lock = RLock()  # of the channels and their members
         self._channels: dict[_Wish, _Channel] = {}
         self._supplied: set[str] = set()  # topics that come from a node of the process
@@ -89,14 +90,14 @@ class ImageHub(params.DeclaringNode):
     @property
     def obstacle(self) -> str:
         """See `ImageSource`."""
-        if not self._is_spun and self._obstacle_is_told:
+        if not self._is_spun and self._idleness_is_told:
             return f"an executor that spins {self.get_fully_qualified_name()}"
         there = len(self._joined)
         return "" if there >= self.awaited else (
             f"{counted(self.awaited, 'node')} of the process to take images, so far {there}")
 
     def expect_no_more(self, name: str) -> None:
-        """The node of this full name will not ask for images: it is not waited for."""
+        """See `ImageSource`."""
         with self._lock:
             self._joined.add(name)
             self._open()
@@ -104,13 +105,17 @@ class ImageHub(params.DeclaringNode):
     def join(self, node: Node, topic: str, compressed: bool, keep_all: bool,
              take: Callable[[ReceivedImage], None]) -> ImageSubscription:
         """See `ImageSource`."""
-        wish = _Wish(topic, compressed, keep_all)
-        with self._lock:
+        wish, name = _Wish(topic, compressed, keep_all), node.get_fully_qualified_name()
+        with self._lock, ExitStack() as undo:
             if wish not in self._channels:
                 self._channels[wish] = _Channel(self, wish, self._lock)
             member = _Member(node, self._channels[wish], take, self._leave, self._tell_obstacle)
-            self._joined.add(node.get_fully_qualified_name())
+            undo.callback(member.close)
+            if name not in self._joined:
+                undo.callback(self._joined.discard, name)
+            self._joined.add(name)
             self._open()
+            undo.pop_all()
         return member
 
     def supply(self, topic: str, msgtype: str) -> ImageSupply:
@@ -148,14 +153,15 @@ class ImageHub(params.DeclaringNode):
                 self._channels.pop(member.channel.wish).end()
 
     def _tell_obstacle(self) -> None:
-        """Why a node has waited for some time, once; not so where nobody publishes images."""
+        """Why a node has waited for some time, each reason once; not so where nobody publishes images."""
         with self._lock:
-            if self._obstacle_is_told or (self._is_spun and not self.obstacle):
-                return
-            self._obstacle_is_told = True
-            self.get_logger().warning(
-                f"no images are taken: they wait for {self.obstacle}" if self._is_spun else
-                "no images are taken: nobody spins this node, which takes them for others; add it to an executor too")
+            if not (self._is_spun or self._idleness_is_told):
+                self._idleness_is_told = True
+                self.get_logger().warning("no images are taken: nobody spins this node, which takes them for others; "
+                                          "add it to an executor too")
+            elif self._is_spun and self.obstacle and not self._obstacle_is_told:
+                self._obstacle_is_told = True
+                self.get_logger().warning(f"no images are taken: they wait for {self.obstacle}")
 
     def _refresh(self) -> None:
         self._is_spun = True
@@ -251,7 +257,7 @@ class _Member:
     def refresh(self) -> None:
         """The hub follows the publishers by itself, if it is spun."""
         self._looks += 1
-        if self._looks == _LOOKS:
+        if self._looks % _LOOKS == 0:
             self._waited_long()
 
     def close(self) -> None:

@@ -60,6 +60,9 @@ class ImageSource(Protocol):
             take: what becomes of an image.
         """
 
+    def expect_no_more(self, name: str) -> None:
+        """The node of this full name will not ask for images, or not soon: it is not waited for."""
+
     def supply(self, topic: str, msgtype: str) -> ImageSupply:
         """Images that come from a node of the process from now on, and no longer over DDS.
 

@@ -15,6 +15,7 @@ Those of `at_once` only read, or leave a note: they may run beside the others, a
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -125,6 +126,7 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         self.autostart = self._starts = bool(params.declare(self, params.table_of(ManagedSettings))["autostart"])
         self.add_on_set_parameters_callback(self._refuse_idle_changes)
         self._reported = time.monotonic(), DiagnosticStatus(OK, "", {})  # when, s, and the last report
+        self._spun_s = math.inf  # since when somebody spins it, monotonic
         self.create_steady_timer(_REPORT_S, self._report_state)
         self.create_steady_timer(_REPORT_S, self._report_again, self.at_once)
         self.create_steady_timer(_POLL_NS / SECOND_NS, self._poll_if_active)
@@ -383,10 +385,12 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
     def _report_again(self) -> None:
         """The last report once more while something takes so long that the next one is late, and what is the matter."""
         (then_s, last), now_s = self._reported, time.monotonic()
-        if now_s - then_s > _LONG_S:
-            message = "; ".join(filter(None, [last.message, f"at work on one step for {now_s - then_s:.0f} s"]))
+        self._spun_s = min(self._spun_s, now_s)  # before the first call, nobody was at work
+        late_s = now_s - max(then_s, self._spun_s)
+        if late_s > _LONG_S:
+            message = "; ".join(filter(None, [last.message, f"at work on one step for {late_s:.0f} s"]))
             self._send_diagnostics(DiagnosticStatus(max(last.level, WARN), message, last.values))
-        elif now_s - then_s > _LATE_S:
+        elif late_s > _LATE_S:
             self._send_diagnostics(last)
 
     def _check_overrides(self) -> None:
@@ -406,7 +410,7 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
                 self.get_logger().warning(line)
 
     def declare_parameter(self, name: str, *args: Any, **options: Any) -> Parameter:
-        """As of rclpy, which declares the quality of service of what begins to be published or taken."""
+        """Also called by rclpy, for the quality of service of what begins to be published or taken."""
         self._declared = name
         try:
             return super().declare_parameter(name, *args, **options)

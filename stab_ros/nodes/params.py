@@ -13,6 +13,7 @@ from rcl_interfaces.msg import (
     ParameterType,
     SetParametersResult,
 )
+from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
@@ -59,18 +60,31 @@ class DeclaringNode(Node):
         try:
             super().__init__(automatically_declare_parameters_from_overrides=True, allow_undeclared_parameters=True,
                              **options)
-        except ValueError as error:
-            empty = [name for name, one in self._parameter_overrides.items() if one.type_ is RosParameter.Type.NOT_SET]
-            raise ConfigError(f"{', '.join(empty) or 'a parameter'}: is given an empty value, it must have one, or be "
-                              f"left out{'' if empty else f' ({error})'}") from error
-        except RuntimeError as error:  # rclpy's RCLError, as where security is asked for and cannot be had
-            raise InputError(f"the node cannot be made: {str(error).split(', at ')[0]}") from error
+        except (ValueError, RuntimeError, NameValidationException) as error:  # RuntimeError: rclpy's RCLError too, as
+            # where security is asked for and cannot be had
+            overrides = getattr(self, "_parameter_overrides", {})
+            empty = [name for name, one in overrides.items() if one.type_ is RosParameter.Type.NOT_SET]
+            if isinstance(error, ValueError) and empty:
+                raise ConfigError(f"{', '.join(empty)}: is given an empty value, it must have one, or be left "
+                                  "out") from error
+            raise InputError(f"the node cannot be made: {_in_one_line(error)}") from error
         self.set_descriptor("use_sim_time",
                             ParameterDescriptor(type=ParameterType.PARAMETER_BOOL, description=_SIM_TIME))
         self.defaulted: dict[str, Value] = {}
         self.fixed: set[str] = set()
         self.autostart = True
         self.others: Collection[str] = ()
+
+    def declare_parameter(self, name: str, *args: Any, **options: Any) -> RosParameter:
+        """As of rclpy; a quality of service comes with the value in force, which may have been set after the start."""
+        if name.startswith(PREFIX):
+            options["ignore_override"] = True
+        return super().declare_parameter(name, *args, **options)
+
+
+def _in_one_line(error: Exception) -> str:
+    """Without the place in the source, and without the arrow below a wrong letter."""
+    return " ".join(str(error).split(", at ")[0].rstrip("^ \n").split())
 
 
 def table_of(settings: type[Any]) -> dict[str, Parameter]:

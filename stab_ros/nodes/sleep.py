@@ -6,12 +6,20 @@ _PATIENCE = 10  # looks without a listener: one that subscribes anew, as with an
 
 
 class Sleep:
-    """allowed: whether the node may sleep at all. is_asleep: it does from its start until somebody listens."""
+    """Whether a node sleeps.
+
+    allowed: whether it may sleep at all. is_asleep: it does from its start until somebody listens. is_settled: and
+    nobody who has just started is about to wake it.
+    """
 
     def __init__(self, allowed: bool) -> None:
         self._allowed = allowed
         self._unheard = _PATIENCE
         self.is_asleep = allowed
+
+    @property
+    def is_settled(self) -> bool:
+        return self.is_asleep and self._unheard >= 2 * _PATIENCE
 
     def look(self, subscribers: int, busy: bool) -> None:
         """To be called periodically. subscribers: of all outputs. busy: with something that must be ended first."""

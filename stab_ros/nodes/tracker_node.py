@@ -169,6 +169,8 @@ class TrackerNode(StabNode):
         if self._input.is_open:
             self._stop_taking()
             self.get_logger().info("asleep: nobody listens to any output")
+        if self.images is not None and self._sleep.is_settled:
+            self.images.expect_no_more(self.get_fully_qualified_name())
 
     def _stop_taking(self) -> None:
         """The silence until the next image is no fault of the stream."""
@@ -358,10 +360,13 @@ class TrackerNode(StabNode):
             return
         self._reset_if_asked()
         check_change(self.values, changed)
-        if self._file.is_pending:
-            raise InputError("the saved reference is not in force yet, set it again once the tracker is ready")
         values = {**self.values, **changed}
-        reconfigure(self.stabilizer, values)
+        if not self._file.is_pending:
+            reconfigure(self.stabilizer, values)
+        elif self.is_paused:  # as after an activation that failed: the next one judges whether they fit the reference
+            self.stabilizer = make_stabilizer(values, None if self.camera is None else self.camera.camera)
+        else:
+            raise InputError("the saved reference is not in force yet, set it again once the tracker is ready")
         self.values = values
         self.status.method = str(values["method"])
 

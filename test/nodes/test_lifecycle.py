@@ -156,6 +156,27 @@ def test_what_cannot_be_activated_is_inactive_and_says_why(graph: Graph, tmp_pat
     assert said(tracker, "ERROR") == [line, line]
 
 
+def test_what_does_not_fit_a_saved_reference_is_mended_where_it_is_inactive(
+    graph: Graph, flight: list[Shot], tmp_path: Path
+) -> None:
+    saved, first = tmp_path / "saved.mcap", flight[0]
+    ground = StaticMap.of_mask(np.ones(first.image.shape, np.bool_))
+    save_reference(saved, SavedReference(Frame(first.image, "mono8", 5, "cam"), ground, 3, None))
+    tracker = graph.start("tracker_node", autostart=False, reference_path=str(saved), queue_depth=0,
+                          roi="[[[0, 0], [9, 0], [9, 9]]]")
+    assert change(graph, "tracker_node", CONFIGURE)
+    assert not change(graph, "tracker_node", ACTIVATE)
+    assert graph.set_parameter("tracker_node", "roi", "[[[900, 900], [950, 900], [950, 950]]]") == (True, "")
+    assert not change(graph, "tracker_node", ACTIVATE)
+    assert graph.set_parameter("tracker_node", "roi", "") == (True, "")
+    assert change(graph, "tracker_node", ACTIVATE)
+    assert "resuming from the reference of stamp 5 ns" in tracker.log
+    answers, images = graph.listen(CameraInfo, "homography"), graph.speak(Image, "image_raw")
+    images.publish(image_message(flight[3].image, flight[3].stamp_ns))
+    graph.until(lambda: answers, "an answer")
+    np.testing.assert_allclose(homography(answers[0]), flight[3].ref_H_cur, atol=0.05)
+
+
 def test_logger_levels_are_set_at_the_start_and_by_service(graph: Graph) -> None:
     tracker = graph.run("tracker_node", ["--ros-args", "-r", "__ns:=/camera", "-p", "autostart:=false",
                                          "--log-level", "camera.tracker_node:=error"])

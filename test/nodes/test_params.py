@@ -55,6 +55,18 @@ def test_all_parameters_are_declared_with_their_meaning_and_range(make_node: Mak
             assert (bounds.from_value, bounds.to_value) == (one.limits.low, one.limits.high)
 
 
+@pytest.mark.parametrize(("options", "words"), [
+    ({"node_name": "bad-name"}, "Invalid node name: .*: 'bad-name'"),
+    ({"namespace": "/a b"}, "Invalid namespace: .*: '/a b'"),
+])
+def test_a_name_that_is_none_is_told_in_one_line(options: dict[str, Any], words: str) -> None:
+    context = Context()
+    rclpy.init(context=context, domain_id=next_domain())
+    with pytest.raises(InputError, match=f"^the node cannot be made: {words}$"):
+        DeclaringNode("node", context=context, **options)
+    context.shutdown()
+
+
 def test_overrides_are_taken_and_judged(make_node: MakeNode) -> None:
     assert params.declare(make_node(stale_s=3, queue_depth=0), SETTINGS)["stale_s"] == 3.0
     with pytest.raises(ConfigError, match="exclude: is given an empty value"):

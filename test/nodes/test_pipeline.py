@@ -166,6 +166,17 @@ def test_a_player_in_the_process_waits_for_the_others_and_says_so(graph: Graph, 
     assert pipeline.stop() == 0
 
 
+def test_a_player_in_the_process_does_not_wait_for_a_tracker_that_sleeps(graph: Graph, tmp_path: Path) -> None:
+    flown = write_mcap(tmp_path / "flown.mcap", list(entries(shots())))
+    images: list[Any] = graph.listen(Image, "/cam/image_raw", 500)
+    pipeline = start(graph, tmp_path, {
+        "/**/pipeline_node": {"nodes": ["player", "tracker"]},
+        "/**/bag_player_node": {"bag": str(flown), "rate": 100.0, "wait_for_subscribers": 1},
+        "/**/tracker_node": {"idle": "sleep"}})
+    graph.until(lambda: len(images) == FRAMES, "every image played")
+    assert pipeline.stop() == 0
+
+
 def test_each_node_has_its_states(graph: Graph, flight: list[Shot]) -> None:
     """The tracker alone, then velocimetry too; images are taken while one of them does, and the rest goes on."""
     pipeline = graph.start("pipeline_node", "/cam", nodes=NODES, autostart=False, queue_depth=0, start_s=0.0,

@@ -10,7 +10,7 @@ import yaml
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from live_graph import Graph
-from rcl_interfaces.srv import DescribeParameters
+from rcl_interfaces.srv import DescribeParameters, GetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, Image
 
@@ -103,6 +103,19 @@ def test_what_nothing_uses_is_told_with_the_nearest_name(graph: Graph, tmp_path:
     ]:
         (line,) = [one for one in said if f"parameter {name} " in one]
         assert meant in line
+
+
+def test_what_is_set_before_configure_comes_before_what_was_given_at_the_start(graph: Graph) -> None:
+    override = "qos_overrides./homography.publisher.reliability"
+    graph.run("tracker_node", ["--ros-args", "-p", "autostart:=false", "-p", f"{override}:=best_effort"])
+    assert graph.set_parameter("tracker_node", override, "reliable") == (True, "")
+    configure = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_CONFIGURE))
+    assert graph.call(ChangeState, "tracker_node/change_state", configure).success
+    graph.until(lambda: graph.node.get_publishers_info_by_topic("/homography"), "the tracker")
+    (offered,) = graph.node.get_publishers_info_by_topic("/homography")
+    assert offered.qos_profile.reliability == RELIABLE
+    shown = graph.call(GetParameters, "tracker_node/get_parameters", GetParameters.Request(names=[override]))
+    assert [one.string_value for one in shown.values] == ["reliable"]
 
 
 def test_what_is_set_before_configure_is_judged_by_it_and_fixed_from_then_on(graph: Graph) -> None:

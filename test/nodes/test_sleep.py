@@ -33,5 +33,16 @@ def test_it_ends_first_what_it_is_busy_with() -> None:
     assert looked(sleep, 0, 1, busy=True)  # it takes no images by which it could be ended
 
 
+def test_it_is_settled_a_second_later() -> None:
+    """As somebody who has started with it may not be seen at once."""
+    sleep = Sleep(allowed=True)
+    assert looked(sleep, 0, 9)
+    assert not sleep.is_settled
+    assert looked(sleep, 0, 1)
+    assert sleep.is_settled
+    assert not looked(sleep, 1, 1)
+    assert not sleep.is_settled
+
+
 def test_it_never_sleeps_where_it_may_not() -> None:
     assert not looked(Sleep(allowed=False), 0, 100)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetAvailableTransitions, GetState
@@ -46,6 +47,34 @@ class Held(TrackerNode):
 
 
 sys.exit(node_main("{NODE}", lambda stop: run(Held, stop)))
+"""
+
+
+LATE = """
+import sys
+import time
+
+from stab_ros.nodes.runtime import run
+from stab_ros.nodes.stopping import node_main
+from stab_ros.nodes.tracker_node import TrackerNode
+
+
+class Slow(TrackerNode):
+    # one whose first step takes a moment
+    COMPUTES = False  # nor is it shown an image
+
+    def prepare(self):
+        time.sleep(0.5)
+        super().prepare()
+
+
+def make():
+    node = Slow()
+    time.sleep(5.5)  # the program prepares something else
+    return node
+
+
+sys.exit(node_main("tracker_node", lambda stop: run(make, stop)))
 """
 
 
@@ -160,6 +189,23 @@ def test_a_change_of_state_waits_for_one_callback_and_not_for_the_frames_that_wa
     assert changing.result().success
     assert graph.call(GetState, f"{NODE}/get_state", GetState.Request()).current_state.label == "inactive"
     assert len(tracker.answers) == 2
+
+
+@pytest.mark.thorough
+def test_a_node_that_is_spun_late_was_not_at_work(graph: Graph) -> None:
+    reports = graph.listen(DiagnosticArray, "/diagnostics")
+    graph.run(NODE, ["--ros-args"], ["-c", LATE])
+    graph.until(lambda: len(reports) >= 3, "reports")
+    assert not any("at work" in one.status[0].message for one in reports)
+
+
+@pytest.mark.thorough
+def test_a_node_that_is_held_in_its_first_step_says_so(graph: Graph, tmp_path: Path) -> None:
+    gate = tmp_path / "gate"
+    gate.touch()
+    reports = graph.listen(DiagnosticArray, "/diagnostics")
+    graph.run(NODE, [str(gate), str(tmp_path / "held"), "--ros-args"], ["-c", PROGRAM])
+    graph.until(lambda: any("at work on one step" in one.status[0].message for one in reports), "a report")
 
 
 def test_a_signal_in_the_middle_of_requests_ends_cleanly(graph: Graph, flight: list[Shot], tmp_path: Path) -> None:
