@@ -27,9 +27,9 @@ from stab_ros.discharge.measure import measure
 from stab_ros.discharge.result import Discharge
 from stab_ros.discharge.settings import DischargeConfig
 from stab_ros.discharge.wetted import area_m2
+from stab_ros.georeferencing.unit_checks import FOOT_M
 from stab_ros.velocimetry.vectors import Vectors
 
-_FOOT_M = 0.3048
 _NS = 1_000_000_000
 
 
@@ -64,10 +64,10 @@ def of_field_notes(ivy: Path) -> Iterator[Line]:
     source = ivy / "image_velocimetry_tools/tests/test_discharge.py"
     station, depth, velocity = (_literal(source, name) for name in
                                 ("dist_from_start", "vertical_depths", "avg_velocities"))
-    metres, depths, speeds = station * _FOOT_M, depth * _FOOT_M, velocity * _FOOT_M
-    area = float(area_m2(metres, depths)) / _FOOT_M**2
+    metres, depths, speeds = station * FOOT_M, depth * FOOT_M, velocity * FOOT_M
+    area = float(area_m2(metres, depths)) / FOOT_M**2
     for name, method in (("mid-section", mid_section), ("mean-section", mean_section)):
-        q = float(method(metres, depths, speeds).sum()) / _FOOT_M**3
+        q = float(method(metres, depths, speeds).sum()) / FOOT_M**3
         yield Line(f"USGS TM3-A8 notes, {name}", "73.39 ft3/s, 143.6 ft2", f"{q:.2f} ft3/s, {area:.2f} ft2",
                    "the notes round areas to 0.1, which makes 73.1 to 73.5 and 143.0 to 143.7" if method is mid_section
                    else "another method")

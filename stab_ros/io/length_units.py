@@ -6,11 +6,13 @@ import re
 from collections.abc import Mapping
 from types import MappingProxyType
 
-_FOOT, _SURVEY_FOOT = 0.3048, 1200 / 3937
+from stab_ros.georeferencing.unit_checks import FOOT_M
+
+_SURVEY_FOOT_M = 1200 / 3937
 LENGTHS: Mapping[str, float] = MappingProxyType({  # in small letters: metres
     **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1.0), "cm": 0.01, "mm": 0.001, "km": 1000.0,
-    **dict.fromkeys(("ft", "feet", "foot"), _FOOT),
-    **dict.fromkeys(("us ft", "us survey ft", "us survey feet", "us survey foot", "ftus", "usft"), _SURVEY_FOOT)})
+    **dict.fromkeys(("ft", "feet", "foot"), FOOT_M),
+    **dict.fromkeys(("us ft", "us survey ft", "us survey feet", "us survey foot", "ftus", "usft"), _SURVEY_FOOT_M)})
 LENGTHS_TEXT = "m, cm, mm, km, ft or US ft"
 _FEET, _SURVEY = {"ft", "feet", "foot"}, {"us", "survey"}
 _ABOVE_SEA = ("masl", "mamsl")
@@ -25,5 +27,5 @@ def metres_of(unit: str) -> float | None:
     if not words:
         return None
     if words[0] in _FEET | _SURVEY and _FEET & set(words):
-        return _SURVEY_FOOT if _SURVEY & set(words) else _FOOT
+        return _SURVEY_FOOT_M if _SURVEY & set(words) else FOOT_M
     return 1.0 if words[0] in _ABOVE_SEA else LENGTHS.get(words[0])

@@ -12,12 +12,12 @@ import numpy as np
 from stab_ros.core.errors import InputError
 from stab_ros.core.text import counted, one_line
 from stab_ros.core.types import FloatArray
+from stab_ros.io.length_units import LENGTHS
 from stab_ros.io.text_file import read_text
 from stab_ros.io.typed_table import COMMA_ADVICE, Row, cells_of, finite_at, number_in, separator_of
 
 Heights: TypeAlias = Literal["elevation", "depth", "unknown"]
 FORM = "X,Y,Z or X,Y,depth or chainage,Z or chainage,depth, in metres or with (ft)"
-FOOT_M = 0.3048
 MOST_POINTS = 100_000
 _MEANINGS = {  # header in small letters, without its unit: what the column holds
     **dict.fromkeys(("x", "e", "east", "easting", "x_map", "map_x", "xcoord", "x_coord", "xcoords"), "east"),
@@ -32,8 +32,9 @@ _MEANINGS = {  # header in small letters, without its unit: what the column hold
 }
 _HEIGHTS: tuple[Heights, ...] = ("elevation", "depth", "unknown")
 _UNIT = re.compile(r"(.*?)[ _]*(?:[\[(] ?(.*?) ?[\])]|(?<=[ _])(m|ft|feet|foot|metres|meters|cm|mm))?", re.DOTALL)
-_IN_METRES = {"": 1.0, "m": 1.0, "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0, "cm": 0.01, "mm": 0.001,
-              "ft": FOOT_M, "feet": FOOT_M, "foot": FOOT_M, "ftus": 1200 / 3937, "us survey feet": 1200 / 3937}
+_METRIC = ("m", "metre", "metres", "meter", "meters", "cm", "mm")
+_FEET = ("ft", "feet", "foot", "ftus", "us survey feet")
+_IN_METRES = {"": 1.0, **{unit: LENGTHS[unit] for unit in _METRIC + _FEET}}
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +139,7 @@ def _table(path: Path, columns: list[_Column], rows: list[Row], separator: str) 
 
 
 def _remarks(path: Path, columns: list[_Column]) -> tuple[str, ...]:
-    feet = [one_line(column.named) for column in columns if column.metres in (FOOT_M, _IN_METRES["ftus"])]
+    feet = [one_line(column.named) for column in columns if column.metres in {LENGTHS[unit] for unit in _FEET}]
     return (f"{path}: {', '.join(feet)} read as feet, and made metres",) if feet else ()
 
 
