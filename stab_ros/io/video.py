@@ -17,7 +17,7 @@ from stab_ros.core.types import Frame
 from stab_ros.io.frame_reader import FRAME_ID, Decoded
 from stab_ros.io.video_clock import Pace, VideoClock, pace
 from stab_ros.io.video_packets import Packets, decode
-from stab_ros.io.video_picture import Deinterlacer, Turn, left_undone, picture_of
+from stab_ros.io.video_picture import Deinterlacer, Turn, picture_of, turn_of
 from stab_ros.io.video_stream import (
     announced_frames,
     announced_s,
@@ -106,8 +106,8 @@ class VideoFile:
         try:
             for shown in fields(decode(packets, self._stream)):
                 if turn is None:
-                    turn = Turn.of(shown)
-                    self._tell(turn, left_undone(shown, turn), fields)
+                    turn, undone = turn_of(shown)
+                    self._tell(turn, undone, fields)
                 stamp = clock.stamp_ns(shown.pts)
                 pixels, encoding = picture_of(shown)
                 yield stamp, Frame(turn(pixels), encoding, stamp, FRAME_ID)

@@ -31,14 +31,6 @@ class Turn:
     c: int = 0
     d: int = 1
 
-    @classmethod
-    def of(cls, frame: VideoFrame) -> Turn:
-        """What the frame asks for; nothing, where that is more than a quarter turn and a flip."""
-        asked = _asked(frame)
-        turn = cls(*(round(number) for number in asked))
-        slant = max(abs(number - taken) for number, taken in zip(asked, astuple(turn), strict=True))
-        return turn if turn in _NAMES and slant < _SLANT else cls()
-
     def __str__(self) -> str:
         return _NAMES[self]
 
@@ -49,11 +41,19 @@ class Turn:
         return np.ascontiguousarray(turned[::-1] if self.b + self.d < 0 else turned)
 
 
-def left_undone(frame: VideoFrame, turn: Turn) -> str:
-    """What else the frame asks players to do, in words; empty: nothing."""
-    a, b, c, d = _asked(frame)
-    if max(abs(a - turn.a), abs(b - turn.b), abs(c - turn.c), abs(d - turn.d)) < _SLANT:
-        return ""
+def turn_of(frame: VideoFrame) -> tuple[Turn, str]:
+    """The turn that the frame asks players for, and what is left undone of it, in words.
+
+    No turn at all, where it is more than quarter turns and flips; "": nothing is left undone.
+    """
+    asked = _asked(frame)
+    turn = Turn(*(round(number) for number in asked))
+    slant = max(abs(number - taken) for number, taken in zip(asked, astuple(turn), strict=True))
+    return (turn, "") if turn in _NAMES and slant < _SLANT else (Turn(), _in_words(*asked))
+
+
+def _in_words(a: float, b: float, c: float, d: float) -> str:
+    """What a display matrix does that is no `Turn`."""
     if max(abs(a - d), abs(b + c), abs(math.hypot(a, b) - 1)) > _SLANT:
         return "stretched or slanted"
     angle = math.degrees(math.atan2(b, a))
