@@ -14,14 +14,14 @@ from stab_ros.core.kernels import Compiler, compile_kernels
 from stab_ros.core.progress import Progress
 from stab_ros.core.text import counted
 from stab_ros.core.types import LostReason, State, Track
-from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
+from stab_ros.georeferencing.georeferencer import Georeferenced
 from stab_ros.georeferencing.local_frame import LOCAL
 from stab_ros.io.bag import BagWriter, Message
 from stab_ros.io.homographies import HomographyWriter
 from stab_ros.io.outputs import check_output, completed
 from stab_ros.io.source import Picture, Source, open_source
 from stab_ros.jobs.georeferenced_bag import GeoreferencedBag
-from stab_ros.jobs.geotiffs import GeoTiffs, to_crs_of
+from stab_ros.jobs.geotiffs import GeoTiffs
 from stab_ros.jobs.pipeline import OnFrame
 from stab_ros.jobs.placed_recording import Placed, Recording, prepared
 from stab_ros.jobs.placing import PicturePlacer, PlacedPicture, Work
@@ -171,22 +171,21 @@ def _run(job: Job, source: Source, recording: Recording, outputs: _Outputs, prog
     if placer.work is not None:
         engine = placer.work.engine
         result.stream_doubts = (*engine.doubts, *(f"{source.name}: {doubt}" for doubt in engine.last_look()),
-                                *_crs_doubts(job, engine))
+                                *_crs_doubts(job, placer.work))
     return result
 
 
 def _begun(job: Job, recording: Recording, size: tuple[int, int]) -> Work:
     placing = recording.begun(size, partial(make_georeferencer, job.values))
     engine = placing.engine
-    geotiffs = None if job.geotiff is None else GeoTiffs(
-        job.geotiff, job.interval_s, to_crs_of(engine, crs_of(job.values)), engine.orthophoto)
+    geotiffs = None if job.geotiff is None else GeoTiffs(job.geotiff, job.interval_s, engine, crs_of(job.values))
     return Work(engine, placing.camera, placing.motion_of, geotiffs)
 
 
-def _crs_doubts(job: Job, engine: Georeferencer) -> tuple[str, ...]:
+def _crs_doubts(job: Job, work: Work) -> tuple[str, ...]:
     """That GeoTIFFs have no reference system, though it is known where they lie; in one line, if so."""
-    frame = engine.local_frame
-    if job.geotiff is None or frame is None or "crs" in job.values or crs_of(job.values) != LOCAL:
+    frame, geotiffs = work.engine.local_frame, work.geotiffs
+    if geotiffs is None or frame is None or "crs" in job.values or geotiffs.crs != LOCAL:
         return ()
     return (f"{job.geotiff}: the GeoTIFFs are in metres of the map, without a reference system; crs names one, here "
             f"that of UTM is {frame.utm} (crs:=local: none)",)

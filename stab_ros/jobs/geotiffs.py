@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from stab_ros.core.errors import InputError
-from stab_ros.core.types import FloatArray, Image
+from stab_ros.core.types import FloatArray
 from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
 from stab_ros.georeferencing.local_frame import LOCAL, projected_code
 from stab_ros.georeferencing.ortho_grid import OrthoGrid
@@ -16,11 +16,9 @@ from stab_ros.io.geotiff import write_geotiff
 
 # from the middle of the grid: the affine map (2, 3) from the map to the reference system, and its EPSG code
 ToCrs = Callable[[FloatArray], tuple[FloatArray, int | None]]
-# makes the orthophoto of a frame
-MakeImage = Callable[[Georeferenced], Image | None]
 
 
-def to_crs_of(engine: Georeferencer, crs: str) -> ToCrs:
+def _to_crs_of(engine: Georeferencer, crs: str) -> ToCrs:
     """From the map of an engine to a reference system, an EPSG code or local.
 
     Raises:
@@ -38,10 +36,21 @@ def to_crs_of(engine: Georeferencer, crs: str) -> ToCrs:
 
 
 class GeoTiffs:
-    """Writes `ortho_<stamp>.tif` into a folder. An interval begins with the first placed frame after the one before."""
+    """Writes `ortho_<stamp>.tif` into a folder. An interval begins with the first placed frame after the one before.
 
-    def __init__(self, folder: Path, interval_s: float | None, to_crs: ToCrs, make_image: MakeImage) -> None:
-        """interval_s: None: the whole recording is one interval.
+    Attributes:
+        crs: the reference system of the files, an EPSG code or local.
+        written: number of files so far.
+    """
+
+    def __init__(self, folder: Path, interval_s: float | None, engine: Georeferencer, crs: str) -> None:
+        """Makes the folder.
+
+        Args:
+            folder: of the files.
+            interval_s: None: the whole recording is one interval.
+            engine: makes the orthophotos.
+            crs: of the files.
 
         Raises:
             InputError: the folder cannot be made.
@@ -50,7 +59,8 @@ class GeoTiffs:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(f"{folder}: cannot be made ({error.strerror}), --geotiff must name a folder") from error
-        self._folder, self._to_crs, self._make_image = folder, to_crs, make_image
+        self.crs = crs
+        self._folder, self._make_image, self._to_crs = folder, engine.orthophoto, _to_crs_of(engine, crs)
         self._interval_ns = None if interval_s is None else round(interval_s * 1e9)
         self._begin_ns: int | None = None
         self._last: Georeferenced | None = None  # of the interval, not written yet
