@@ -18,10 +18,12 @@ import numpy as np
 from moving_texture_lspiv import MovingTexture, shear, uniform
 
 from stab_ros.core.types import FloatArray
-from stab_ros.velocimetry.lspiv import Lspiv, LspivConfig
+from stab_ros.velocimetry.lspiv import Lspiv
+from stab_ros.velocimetry.lspiv_settings import LspivConfig
 from stab_ros.velocimetry.method import Method
 from stab_ros.velocimetry.placed_frame import PlacedFrame
-from stab_ros.velocimetry.stiv import Stiv, StivConfig
+from stab_ros.velocimetry.stiv import Stiv
+from stab_ros.velocimetry.stiv_settings import StivConfig
 from stab_ros.velocimetry.vectors import Vectors
 
 FIRST_SEED = 1000  # constants were chosen on seeds below 100

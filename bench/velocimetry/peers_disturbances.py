@@ -19,7 +19,8 @@ from tables import Table, number
 from stab_ros.core.types import FloatArray
 from stab_ros.synthetic.moving_river import RiverFlight
 from stab_ros.synthetic.surface import DISTURBED, SurfaceSettings
-from stab_ros.velocimetry.lspiv import Lspiv, LspivConfig
+from stab_ros.velocimetry.lspiv import Lspiv
+from stab_ros.velocimetry.lspiv_settings import LspivConfig
 from stab_ros.velocimetry.method import Method
 from stab_ros.velocimetry.particles import Particles
 from stab_ros.velocimetry.placed_frame import PlacedFrame

@@ -21,14 +21,16 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # this checkout, w
 from stab_ros.core.geometry import apply
 from stab_ros.core.memory import keep_freed_memory
 from stab_ros.core.types import BoolArray, FloatArray, Gray, Homography
-from stab_ros.velocimetry.lspiv import Lspiv, LspivConfig
+from stab_ros.velocimetry.lspiv import Lspiv
+from stab_ros.velocimetry.lspiv_settings import LspivConfig
 from stab_ros.velocimetry.method import Method
 from stab_ros.velocimetry.particles import Particles
 from stab_ros.velocimetry.placed_frame import PlacedFrame
 from stab_ros.velocimetry.plane_mask import PlaneMask
 from stab_ros.velocimetry.settings import VelocityConfig
 from stab_ros.velocimetry.shore import off_ground
-from stab_ros.velocimetry.stiv import Stiv, StivConfig
+from stab_ros.velocimetry.stiv import Stiv
+from stab_ros.velocimetry.stiv_settings import StivConfig
 from stab_ros.velocimetry.vectors import Vectors
 from stab_ros.velocimetry.zone import Zone
 

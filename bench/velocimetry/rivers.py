@@ -32,7 +32,8 @@ from stab_ros.synthetic.moving_river import RiverFlight
 from stab_ros.synthetic.river import preset
 from stab_ros.synthetic.river_flows import flow_of, section_of
 from stab_ros.velocimetry.bank import bank_velocity
-from stab_ros.velocimetry.lspiv import Lspiv, LspivConfig
+from stab_ros.velocimetry.lspiv import Lspiv
+from stab_ros.velocimetry.lspiv_settings import LspivConfig
 from stab_ros.velocimetry.method import Method
 from stab_ros.velocimetry.particles import Particles
 from stab_ros.velocimetry.placed_frame import PlacedFrame

@@ -14,10 +14,10 @@ from stab_ros.georeferencing.settings import GeoreferenceConfig
 from stab_ros.methods import METHODS
 from stab_ros.parameters.presets import PRESETS
 from stab_ros.tracking.settings import StabilizerConfig
-from stab_ros.velocimetry.lspiv import LspivConfig
+from stab_ros.velocimetry.lspiv_settings import LspivConfig
 from stab_ros.velocimetry.settings import PRESETS as VELOCITY_PRESETS
 from stab_ros.velocimetry.settings import VelocityConfig
-from stab_ros.velocimetry.stiv import StivConfig
+from stab_ros.velocimetry.stiv_settings import StivConfig
 
 Config = TypeVar("Config", StabilizerConfig, EvaluatorConfig, GeoreferenceConfig, VelocityConfig)
 

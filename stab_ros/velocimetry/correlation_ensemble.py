@@ -21,7 +21,6 @@ from stab_ros.core.types import BoolArray, FloatArray, Gray, IdArray
 from stab_ros.metrics.window_spectra import HIGH_PASS_PX, LOW_PASS_PX, gaussian_peak
 from stab_ros.velocimetry.correlation_blocks import as_spline, block_correlations, from_spline
 
-BLOCKS = 4  # of a window's side: the parts by which its covariance is told
 _LAGS = np.arange(-1, 2)
 _LEAST = 16  # windows that a thread takes
 _CHUNK = 32  # windows transformed at once, which stay in the cache

@@ -8,12 +8,10 @@ trusted by: the covariance is `along along^T sigma^2 + across across^T (v tan(an
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from stab_ros.core.settings import Checked, setting
 from stab_ros.core.types import BoolArray, FloatArray
 from stab_ros.georeferencing.horizon import gsd_m, sampled_pixels, shown_well
 from stab_ros.velocimetry.intervals import IntervalFrames, IntervalMethod
@@ -21,6 +19,7 @@ from stab_ros.velocimetry.lspiv_plane import camera_of
 from stab_ros.velocimetry.placed_frame import PlacedFrame
 from stab_ros.velocimetry.shared_errors import ErrorModel, Measured
 from stab_ros.velocimetry.stiv_line import Line, longest_run
+from stab_ros.velocimetry.stiv_settings import StivConfig
 from stab_ros.velocimetry.stiv_slope import Slope, cleaned, slope_of
 from stab_ros.velocimetry.vectors import Unit, Vectors
 from stab_ros.velocimetry.vectors_join import joined
@@ -29,24 +28,6 @@ _MOST_FRAMES = 512  # of an interval that are kept; of more, every second is let
 _LEAST_FRAMES = 10
 _LEAST_SAMPLES = 48  # of a line
 _FASTEST_PX = 16.0  # per frame, where no speed is given
-
-
-@dataclass(frozen=True)
-class StivConfig(Checked):
-    """How velocities are measured along lines; lengths and speeds in the unit of the plane."""
-
-    interval_s: float = setting(4.0, "Seconds over which each velocity is the mean", 0.2, 600.0)
-    resolution_m: float = setting(
-        0.0, "Distance of the samples along a line; 0: the median ground sampling distance of the first frame", 0.0,
-        1000.0)
-    rows: int = setting(3, "Number of parallel rows, one sample apart, whose mean is taken", 1, 51)
-    max_speed_m_s: float = setting(
-        0.0, "Highest speed that is sought; 0: 16 samples from frame to frame", 0.0, 100000.0)
-    min_correlation: float = setting(0.2, "Mean correlation coefficient below which there is no vector", 0.0, 1.0)
-    angle_sigma_rad: float = setting(
-        0.2, "Standard deviation of the angle of the flow to the lines in radians", 0.0, 1.5)
-    clock_sigma: float = setting(1e-4, "Relative standard deviation of the rate of the clock of the stamps", 0.0, 0.1)
-    stamp_sigma_s: float = setting(0.0, "Standard deviation of a stamp in seconds", 0.0, 1.0)
 
 
 class Stiv(IntervalMethod["_SpaceTimeImages"]):

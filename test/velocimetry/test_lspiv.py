@@ -8,7 +8,8 @@ from moving_texture_lspiv import MovingTexture, shear, uniform
 
 from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.types import FloatArray
-from stab_ros.velocimetry.lspiv import Lspiv, LspivConfig
+from stab_ros.velocimetry.lspiv import Lspiv
+from stab_ros.velocimetry.lspiv_settings import LspivConfig
 from stab_ros.velocimetry.vectors import Vectors
 
 SMALL = (160, 128)

@@ -8,7 +8,8 @@ from moving_texture_lspiv import MovingTexture, uniform
 
 from stab_ros.core.errors import InputError
 from stab_ros.core.types import FloatArray
-from stab_ros.velocimetry.stiv import Stiv, StivConfig
+from stab_ros.velocimetry.stiv import Stiv
+from stab_ros.velocimetry.stiv_settings import StivConfig
 from stab_ros.velocimetry.vectors import Vectors
 
 SIZE = (200, 60)  # px; 4.0 m x 1.2 m
