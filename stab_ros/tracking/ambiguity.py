@@ -8,7 +8,8 @@ import numpy as np
 
 from stab_ros.core.geometry import inflated, normalized, shift
 from stab_ros.core.types import FloatArray, Homography
-from stab_ros.tracking.ground_choice import CERTAIN_ODDS, CompetingHypothesis, drift_odds, drift_px
+from stab_ros.tracking.drift import drift_odds, drift_px
+from stab_ros.tracking.ground_choice import CERTAIN_ODDS, CompetingHypothesis
 from stab_ros.tracking.static_map import StaticMap
 
 _PATIENCE_S = 3.0  # from the reference on, before anything is decided

@@ -8,6 +8,7 @@ its features are set aside, and the next is sought among the rest.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,9 +59,43 @@ class Plane:
         return int(self.member.sum())
 
     @property
+    def known(self) -> BoolArray:
+        """(F,) bool: the frames that have a ref_H_cur."""
+        return _known(self.ref_H_cur)
+
+    @property
     def last(self) -> Homography:
         """ref_H_cur of the last frame that has one."""
-        return np.asarray(self.ref_H_cur[np.flatnonzero(~np.isnan(self.ref_H_cur[:, 0, 0]))[-1]])
+        return np.asarray(self.ref_H_cur[self.known][-1])
+
+    def current_px(self, reference_px: FloatArray) -> FloatArray:
+        """Where points on it are in each frame: (F, n, 2) px, NaN where the frame has no ref_H_cur.
+
+        reference_px: (n, 2), the points in the reference.
+        """
+        cur_H_ref = np.full_like(self.ref_H_cur, np.nan)
+        cur_H_ref[self.known] = np.linalg.inv(self.ref_H_cur[self.known])
+        return np.stack([apply(H, reference_px) for H in cur_H_ref])
+
+    def reference_px(self, current_px: FloatArray) -> FloatArray:
+        """Where points on it are in the reference by each frame: (F, n, 2) px, NaN where that has no ref_H_cur.
+
+        current_px: (F, n, 2), the points in each frame.
+        """
+        return np.stack([apply(H, at_px) for H, at_px in zip(self.ref_H_cur, current_px, strict=True)])
+
+    def moved_px(self, reference_px: FloatArray) -> float:
+        """How far most of its features have moved in the image, at most, px. reference_px: (N, 2), of all features."""
+        features_px = reference_px[self.member]
+        return _furthest_px(self.current_px(features_px)[self.known] - features_px)
+
+    def apart_px(self, other: Plane, current_px: FloatArray) -> float:
+        """How far it and another plane place most of the points apart in the reference, at most, px.
+
+        current_px: (F, n, 2), the points in each frame. Infinite if no frame knows both planes.
+        """
+        both = self.known & other.known
+        return _furthest_px((self.reference_px(current_px) - other.reference_px(current_px))[both])
 
 
 def find_planes(trajectories: Trajectories, among: BoolArray | None = None,
@@ -127,11 +162,8 @@ def _scattered(trajectories: Trajectories, quarters: IdArray, rest: BoolArray, p
 
 def _is_part_of(plane: Plane, other: Plane, trajectories: Trajectories, threshold_px: float) -> bool:
     """Whether a plane moves as another one, which has nearly as many features or more."""
-    both = np.flatnonzero(~np.isnan(plane.ref_H_cur[:, 0, 0]) & ~np.isnan(other.ref_H_cur[:, 0, 0]))
-    apart = [apply(plane.ref_H_cur[f], at) - apply(other.ref_H_cur[f], at)
-             for f, at in zip(both, trajectories.current_px[both][:, plane.member], strict=True)]
-    apart_px = [float(np.median(np.hypot(*off.T))) for off in apart]
-    return max(apart_px, default=np.inf) < threshold_px and len(plane) < _MANY_MORE * len(other)
+    apart_px = plane.apart_px(other, trajectories.current_px[:, plane.member])
+    return apart_px < threshold_px and len(plane) < _MANY_MORE * len(other)
 
 
 def _planes(trajectories: Trajectories, quarters: IdArray, left: BoolArray, threshold_px: float) -> list[Plane]:
@@ -228,7 +260,7 @@ def _widened(trajectories: Trajectories, member: BoolArray, quarters: IdArray, l
         agrees = np.stack([_agreeing(trajectories, f, H, reach_px) for f, H in zip(quarters, fitted, strict=True)])
         member = left & agrees.all(axis=0)
     ref_H_cur = np.stack([_fitted(trajectories, f, member, threshold_px) for f in range(len(trajectories.shapes))])
-    if np.isnan(ref_H_cur[:, 0, 0]).all():
+    if not _known(ref_H_cur).any():
         return None
     return Plane(left & persistent(trajectories, ref_H_cur, reach_px), ref_H_cur)
 
@@ -257,7 +289,17 @@ def _agreeing(trajectories: Trajectories, frame: int, ref_H_cur: Homography, rea
 
 def persistent(trajectories: Trajectories, ref_H_cur: FloatArray, reach_px: float) -> BoolArray:
     """(N,) bool: which features are seen in most of the frames and agree with the plane in nearly all of these."""
-    known = np.flatnonzero(~np.isnan(ref_H_cur[:, 0, 0]))
+    known = np.flatnonzero(_known(ref_H_cur))
     seen = trajectories.seen[known].sum(axis=0)
     agreed = np.stack([_agreeing(trajectories, f, ref_H_cur[f], reach_px) for f in known.tolist()]).sum(axis=0)
     return np.asarray((seen >= _PRESENT * len(known)) & (agreed >= _AGREES * seen))
+
+
+def _known(ref_H_cur: FloatArray) -> BoolArray:
+    """(F,) bool: which of the homographies (F, 3, 3) are not NaN."""
+    return np.asarray(~np.isnan(ref_H_cur[:, 0, 0]))
+
+
+def _furthest_px(off_px: FloatArray) -> float:
+    """The largest of the frames' median distances, of (F, n, 2) px; infinite without any frame."""
+    return max(np.median(np.hypot(*off_px.T), axis=0).tolist(), default=math.inf)

@@ -15,7 +15,8 @@ from stab_ros.core.types import BoolArray, Correspondences, Fit, FloatArray, Gra
 from stab_ros.tracking.ambiguity import Ambiguity
 from stab_ros.tracking.feature_tracks import FeatureTracks, Trajectories
 from stab_ros.tracking.frame_stamp import FrameStamp
-from stab_ros.tracking.ground_choice import Choice, Observations, choose_ground
+from stab_ros.tracking.ground_choice import Choice, choose_ground
+from stab_ros.tracking.ground_cues import Observations
 from stab_ros.tracking.planes import LEAST_FEATURES, THRESHOLD_PX, Plane, find_planes
 from stab_ros.tracking.reference import Reference, is_textured
 from stab_ros.tracking.row_motion import Straightened, regrown, without_rows
@@ -229,7 +230,7 @@ class StartBuffer:
 
 def _with_rest(planes: list[Plane], seen: Observations) -> list[Plane]:
     """The planes, with those told that hardly move while another one does; a scattered one is known less well."""
-    moved_px = [_most_moved_px(plane, seen) for plane in planes]
+    moved_px = [plane.moved_px(seen.reference_px) for plane in planes]
     far_less_px = max(moved_px) / _TIMES_RESTING
     return [replace(plane, at_rest=px < min(_RESTING_PX * plane.scatter, far_less_px))
             for plane, px in zip(planes, moved_px, strict=True)]
@@ -237,15 +238,7 @@ def _with_rest(planes: list[Plane], seen: Observations) -> list[Plane]:
 
 def _moves(plane: Plane, seen: Observations) -> bool:
     """Whether the plane's features have moved in the image, so far that their templates cannot match in place."""
-    return _most_moved_px(plane, seen) > _MOVED_PX
-
-
-def _most_moved_px(plane: Plane, seen: Observations) -> float:
-    """How far most of the plane's features have moved in the image, at most."""
-    features_px = seen.reference_px[plane.member]
-    known = np.flatnonzero(~np.isnan(plane.ref_H_cur[:, 0, 0]))
-    moved_px = [apply(np.linalg.inv(plane.ref_H_cur[f]), features_px) - features_px for f in known]
-    return max(float(np.median(np.hypot(*moved.T))) for moved in moved_px)
+    return plane.moved_px(seen.reference_px) > _MOVED_PX
 
 
 def _with_shapes(trajectories: Trajectories) -> BoolArray:

@@ -7,7 +7,8 @@ import pytest
 
 from stab_ros.core.geometry import shift
 from stab_ros.core.types import BoolArray, FloatArray
-from stab_ros.tracking.ground_choice import Observations, choose_ground
+from stab_ros.tracking.ground_choice import choose_ground
+from stab_ros.tracking.ground_cues import Observations
 from stab_ros.tracking.planes import Plane
 
 SIZE, FRAMES = (320, 240), 25
