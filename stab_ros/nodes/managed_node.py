@@ -185,7 +185,11 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         self.create_timer(period_s, callback, group, Clock(clock_type=ClockType.STEADY_TIME))
 
     def publish_diagnostics(self, status: DiagnosticStatus) -> None:
-        """One status on /diagnostics, named as the node and with its namespace as hardware_id."""
+        """One status on /diagnostics, named as the node and with its namespace as hardware_id.
+
+        While nobody has activated the node, it is told without the faults of the stream.
+        """
+        status = status.while_inactive() if self.is_paused else status
         self._reported = time.monotonic(), status
         self._send_diagnostics(status)
 

@@ -380,7 +380,6 @@ class PlacingNode(StabNode):
     def report(self) -> None:
         """Publishes /diagnostics."""
         of_level = self._level_doubts
-        self.status.paused = self.is_paused
         self.status.before, self.status.unmade = self._images.before, self.placer.unmade
         of_engine = () if self.placer.engine is None else self.placer.engine.doubts
         self.status.doubts = (*of_engine, *([_LENS] if self._lens_is_left else []), *of_level)
