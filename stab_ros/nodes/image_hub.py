@@ -62,13 +62,15 @@ class ImageHub(params.DeclaringNode):
 
         Args:
             name: of the hub, unless it is remapped.
-            options: as of rclpy's node.
+            options: as of rclpy's node; the services of logger levels are there unless they are declined.
 
         Raises:
             InputError: a quality of service is none, or a parameter is given an empty value.
         """
+        options.setdefault("enable_logger_service", True)
         super().__init__(name, **options)
         self.awaited = 0
+        self._expected: set[str] = set()  # full names of nodes that are to ask for images
         self._joined: set[str] = set()  # full names of nodes that have asked so far, or never will
         self._is_spun = self._idleness_is_told = self._obstacle_is_told = False
         self._lock = RLock()  # of the channels and their members
@@ -92,9 +94,16 @@ class ImageHub(params.DeclaringNode):
         """See `ImageSource`."""
         if not self._is_spun and self._idleness_is_told:
             return f"an executor that spins {self.get_fully_qualified_name()}"
-        there = len(self._joined)
+        with self._lock:
+            there, missing = len(self._joined), sorted(self._expected - self._joined)
+        names = f", not yet {', '.join(missing)}" if missing else ""
         return "" if there >= self.awaited else (
-            f"{counted(self.awaited, 'node')} of the process to take images, so far {there}")
+            f"{counted(self.awaited, 'node')} of the process to take images, so far {there}{names}")
+
+    def expect(self, name: str) -> None:
+        """See `ImageSource`."""
+        with self._lock:
+            self._expected.add(name)
 
     def expect_no_more(self, name: str) -> None:
         """See `ImageSource`."""

@@ -84,6 +84,7 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
     """
 
     COMPUTES: ClassVar[bool] = False  # whether it uses kernels, which are compiled before it takes images
+    TAKES_IMAGES: ClassVar[bool] = False  # whether it asks `images` for them
     COMPOSABLE: ClassVar[bool] = True  # whether callbacks do its work, so that any executor can spin it
 
     def __init__(self, name: str, given: Mapping[str, Any] | None = None, images: ImageSource | None = None,
@@ -132,6 +133,8 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         self.create_steady_timer(_POLL_NS / SECOND_NS, self._poll_if_active)
         if self.autostart:
             self._bring_up(self.trigger_configure)
+        if images is not None and self.TAKES_IMAGES:
+            images.expect(self.get_fully_qualified_name())
 
     # what subclasses do ----------------------------------------------------------------------------------------------
     def configure(self) -> None:

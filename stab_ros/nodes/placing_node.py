@@ -51,7 +51,7 @@ class PlacingNode(StabNode):
     settings: of the node. values: parameters of its engines. status: counts what becomes of images.
     """
 
-    COMPUTES = True
+    COMPUTES = TAKES_IMAGES = True
     settings: PlacingSettings
 
     def begin(self, values: Mapping[str, Value], config: GeoreferenceConfig, status: GeoreferenceStatus,

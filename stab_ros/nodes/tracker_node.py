@@ -64,7 +64,7 @@ class _Pending:
 class TrackerNode(StabNode):
     """Publishes for every image its homography to the reference, and the image warped to the reference."""
 
-    COMPUTES = True
+    COMPUTES = TAKES_IMAGES = True
 
     def __init__(self, **options: Unpack[NodeOptions]) -> None:
         super().__init__("tracker_node", **options)
