@@ -42,6 +42,7 @@ from stab_ros.nodes.background_compilation import BackgroundCompilation
 from stab_ros.nodes.diagnostic_status import DiagnosticStatus
 from stab_ros.nodes.failures import Failures
 from stab_ros.nodes.free_time import FreeTime
+from stab_ros.nodes.namesakes import Namesakes
 from stab_ros.nodes.qos_overrides import PREFIX, check_overrides, overridden, unused_overrides
 from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.stopping import StopRequest
@@ -115,6 +116,7 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         self._brings_up = self._told = False  # a transition of its own is under way; the present one has been told
         self._unforeseen = Failures(self.get_logger())  # in callbacks while it is not configured
         self._closing: list[Callable[[], None]] = []
+        self._namesakes = Namesakes(self, "" if images is None else options.get("node_name", name))
         self._before = _Made(self)  # what there was before `configure`
         self._doubted: set[str] = set()  # overrides of QoS of which something was said
         self._check_overrides()
@@ -206,6 +208,8 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         if now_ns == 0:  # only a simulated clock can stand there
             level, message = max(level, WARN), f"{message}; {_NO_CLOCK}"
             self.get_logger().warning(_NO_CLOCK, once=True)
+        if self._namesakes.problem:
+            level, message = max(level, WARN), f"{message}; {self._namesakes.problem}"
         name, values = self.get_fully_qualified_name().lstrip("/"), {**status.values, "lifecycle": state}
         self._diagnostics.publish(diagnostics_cdr(now_ns, name, self.get_namespace(), level, message, values))
 
@@ -383,6 +387,7 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         return self._compilation.done
 
     def _report_state(self) -> None:
+        self._namesakes.look()
         if self.is_configured:
             self.report()
         else:
