@@ -148,7 +148,6 @@ class DischargeNode(StabNode):
 
     # diagnostics and parameters --------------------------------------------------------------------------------------
     def report(self) -> None:
-        self.status.paused = self.is_paused
         self.status.level_doubts = self._running.level_doubts(self._newest_ns)
         self.status.level_missing, self.status.level_from = self._level_missing(), self._level_from()
         if self.status.level_missing:

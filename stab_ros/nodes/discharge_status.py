@@ -8,11 +8,11 @@ from stab_ros.core.text import number
 from stab_ros.discharge.running import Reading
 from stab_ros.io.diagnostics_message import ERROR, OK, WARN
 from stab_ros.io.discharge_message import discharge_text, discharge_values
-from stab_ros.nodes.diagnostic_status import DiagnosticStatus
+from stab_ros.nodes.diagnostic_status import DiagnosticStatus, Summary
 from stab_ros.nodes.stream_timeout import StreamTimeout
 
 _COUNTS = ("intervals", "vectors_in", "water_levels", "messages_refused", "discharges", "discharges_missing")
-_LEVELS = {"INACTIVE": OK, "GATHERING": OK, "MEASURED": OK, "STALE": ERROR}  # all else: WARN
+_LEVELS = {"GATHERING": OK, "MEASURED": OK, "STALE": ERROR}  # all else: WARN
 
 
 class DischargeStatus:
@@ -21,7 +21,6 @@ class DischargeStatus:
     def __init__(self, stale_ns: int, doubts: tuple[str, ...]) -> None:
         """doubts: of the section."""
         self.waiting_for = "velocities"
-        self.paused = False  # the node is inactive, and nothing is taken
         self.level_doubts: tuple[str, ...] = ()  # until there is a reading, which has them among its own
         self.level_missing = ""  # why none has come, where that is doubtful
         self.level_from = ""  # "water_level", "wse_m", or "" for none
@@ -67,18 +66,18 @@ class DischargeStatus:
         """The status since the last report."""
         state = self._state(free_ns)
         once, self._warnings = self._warnings, {}
-        warnings = [*self._doubts, *(() if self.paused else self._doubts_of_stream()), *once.values()]
+        warnings = [*self._doubts, *self._doubts_of_stream(), *once.values()]
         level = _LEVELS.get(state, WARN)
         message = "; ".join([self._message(state, free_ns), *warnings])
-        return DiagnosticStatus(max(level, WARN) if warnings else level, message, self._values(state))
+        lasting = [*self._doubts, *once.values()]
+        inactive = Summary(WARN if lasting else OK, "; ".join(["takes no velocities", *lasting]))
+        return DiagnosticStatus(max(level, WARN) if warnings else level, message, self._values(state), inactive)
 
     def _doubts_of_stream(self) -> list[str]:
         of_reading = self.level_doubts if self._reading is None else self._reading.warnings
         return [*of_reading, *filter(None, [self.level_missing]), *self.faults.values()]
 
     def _state(self, free_ns: int) -> str:
-        if self.paused:
-            return "INACTIVE"
         if not self._timeout.has_begun:
             return "WAITING"
         if self._timeout.is_stale(free_ns):
@@ -88,8 +87,6 @@ class DischargeStatus:
         return "UNMEASURED" if self._reading.discharge is None else "MEASURED"
 
     def _message(self, state: str, free_ns: int) -> str:
-        if state == "INACTIVE":
-            return "takes no velocities"
         if state == "WAITING":
             return f"waiting for {self.waiting_for}"
         if state == "STALE":

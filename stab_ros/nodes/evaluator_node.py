@@ -237,7 +237,7 @@ class EvaluatorNode(StabNode):
             self.report()
 
     def report(self) -> None:
-        now_ns, self.status.paused = time.monotonic_ns(), self.is_paused
+        now_ns = time.monotonic_ns()
         status = self.status.report(now_ns, self._backlog.delay_ns(now_ns), self.free.ns)
         self._reported_level = status.level
         self.publish_diagnostics(status)

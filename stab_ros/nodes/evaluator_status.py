@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter, deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from stab_ros.core.text import number
@@ -12,7 +12,7 @@ from stab_ros.evaluation.evaluator import Arrival
 from stab_ros.evaluation.findings import Finding, Level, frame_name
 from stab_ros.evaluation.frame_metrics import UNITS, FrameMetrics, Outcome
 from stab_ros.metrics.statistics import summarize
-from stab_ros.nodes.diagnostic_status import DiagnosticStatus
+from stab_ros.nodes.diagnostic_status import DiagnosticStatus, Summary
 from stab_ros.nodes.stream_timeout import StreamTimeout
 
 _SHOWN = 3  # problems in one message
@@ -40,7 +40,6 @@ class EvaluatorStatus:
 
     def __init__(self, window_ns: int, alarm_ns: int, stale_ns: int) -> None:
         self.waiting_for = "images"
-        self.paused = False  # the node is inactive, and no images are taken
         self._window_ns, self._alarm_ns, self._timeout = window_ns, alarm_ns, StreamTimeout(stale_ns)
         self._counts: Counter[str] = Counter()
         self._measured: deque[tuple[int, Mapping[str, float]]] = deque()
@@ -98,18 +97,29 @@ class EvaluatorStatus:
     def report(self, now_ns: int, delay_ns: int, free_ns: int) -> DiagnosticStatus:
         """delay_ns: how long the oldest frame has been waiting."""
         self._forget(now_ns)
-        problems = sorted(self._current_problems(now_ns, delay_ns, free_ns), key=lambda one: -one[0])
+        summary = self._summary(self._current_problems(now_ns, delay_ns, free_ns))
+        inactive = self._summary(self._problems_of_frames(now_ns, delay_ns))
+        return DiagnosticStatus(summary.level, summary.message, self._values(delay_ns, free_ns), inactive)
+
+    def _summary(self, found: Iterable[tuple[Level, str]]) -> Summary:
+        """The worst of the problems first."""
+        problems = sorted(found, key=lambda one: -one[0])
         texts = [text for _, text in problems]
         more = [f"and {len(texts) - _SHOWN} more"] if len(texts) > _SHOWN else []
         message = "; ".join([*texts[:_SHOWN], *more]) or self._fine
-        return DiagnosticStatus(max((level for level, _ in problems), default=Level.OK), message,
-                                self._values(delay_ns, free_ns))
+        return Summary(max((level for level, _ in problems), default=Level.OK), message)
 
     def _current_problems(self, now_ns: int, delay_ns: int, free_ns: int) -> Iterator[tuple[Level, str]]:
         """All problems now, each kind once."""
         if self._is_stale(free_ns):
             silence_s = self._timeout.silence_ns(free_ns) / 1e9
             yield Level.ERROR, f"no image for {silence_s:.1f} s, the last was {self._last}"
+        yield from self._problems_of_frames(now_ns, delay_ns)
+        if self._is_waiting:
+            yield Level.WARN, f"waiting for {self.waiting_for}"
+
+    def _problems_of_frames(self, now_ns: int, delay_ns: int) -> Iterator[tuple[Level, str]]:
+        """Those of frames that have come, each kind once."""
         kinds: dict[tuple[Level, str], list[_Problem]] = {}
         for one in self._problems:
             if now_ns - one.now_ns <= self._alarm_ns:
@@ -118,8 +128,6 @@ class EvaluatorStatus:
             yield level, _merged(alike)
         if delay_ns > _BEHIND_NS:
             yield Level.WARN, f"{delay_ns / 1e9:.1f} s behind"
-        if self._is_waiting:
-            yield Level.WARN, f"waiting for {self.waiting_for}"
 
     @property
     def _fine(self) -> str:
@@ -127,10 +135,10 @@ class EvaluatorStatus:
 
     @property
     def _is_waiting(self) -> bool:
-        return not (self.paused or (self._timeout.has_begun and self._last))
+        return not (self._timeout.has_begun and self._last)
 
     def _is_stale(self, free_ns: int) -> bool:
-        return bool(self._last) and not self.paused and self._timeout.is_stale(free_ns)
+        return bool(self._last) and self._timeout.is_stale(free_ns)
 
     def _problem(self, now_ns: int, level: Level, frame: str, text: str) -> None:
         self._problems.append(_Problem(now_ns, level, _NUMBER.sub("", text), frame, text))
@@ -161,8 +169,6 @@ class EvaluatorStatus:
         return {key: str(value) for key, value in values.items()} | self._statistics()
 
     def _state(self, free_ns: int) -> str:
-        if self.paused:
-            return "INACTIVE"
         return "WAITING" if self._is_waiting else "STALE" if self._is_stale(free_ns) else "MEASURING"
 
     def _statistics(self) -> dict[str, str]:

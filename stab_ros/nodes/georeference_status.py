@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from stab_ros.core.text import number
 from stab_ros.io.diagnostics_message import ERROR, OK, WARN
-from stab_ros.nodes.diagnostic_status import DiagnosticStatus
+from stab_ros.nodes.diagnostic_status import DiagnosticStatus, Summary
 from stab_ros.nodes.stream_timeout import StreamTimeout
 
 _COUNTS = ("frames_in", "frames_placed", "frames_unplaced", "frames_dropped", "frames_refused", "messages_refused")
@@ -35,7 +35,6 @@ class GeoreferenceStatus:
     def __init__(self, orientation: str, stale_ns: int) -> None:
         self.orientation = orientation
         self.waiting_for = "images"
-        self.paused = False  # the node is inactive, and no images are taken
         self.unmade = ""  # why no frame can be placed at all
         self.doubts: tuple[str, ...] = ()  # of the whole stream
         self.faults: Mapping[str, str] = {}  # of publishers, by topic
@@ -81,10 +80,12 @@ class GeoreferenceStatus:
         """The status since the last report."""
         state = self._state(free_ns)
         once, self._warnings = self._warnings, {}
-        warnings = [*(() if self.paused else self._doubts(state)), *once.values()]
-        level = ERROR if self.unmade else {"PLACED": OK, "INACTIVE": OK, "STALE": ERROR}.get(state, WARN)
-        message = "; ".join([self._message(state, free_ns), *warnings])
-        return DiagnosticStatus(max(level, WARN) if warnings else level, message, self._values(state))
+        warnings = [*self._doubts(state), *once.values()]
+        level = ERROR if self.unmade else {"PLACED": OK, "STALE": ERROR}.get(state, WARN)
+        message = "; ".join([self._unmade or self._message(state, free_ns), *warnings])
+        inactive = Summary(ERROR if self.unmade else WARN if once else OK,
+                           "; ".join([self._unmade or "takes no images", *once.values()]))
+        return DiagnosticStatus(max(level, WARN) if warnings else level, message, self._values(state), inactive)
 
     def _doubts(self, state: str) -> list[str]:
         """What is doubtful about the stream, its sensors and the last frame."""
@@ -92,9 +93,12 @@ class GeoreferenceStatus:
         silent = [f"{topic} is silent, frames do not wait for it" for topic in self.silent]
         return [*self.doubts, *of_frame, *self.faults.values(), *silent]
 
+    @property
+    def _unmade(self) -> str:
+        """Why no frame can be placed, for people."""
+        return f"no frame can be placed: {self.unmade}" if self.unmade else ""
+
     def _state(self, free_ns: int) -> str:
-        if self.paused:
-            return "INACTIVE"
         if self._result is None or not self.timeout.has_begun:
             return "WAITING"
         if self.timeout.is_stale(free_ns):
@@ -102,12 +106,8 @@ class GeoreferenceStatus:
         return "PLACED" if self._result.placed else "UNPLACED"
 
     def _message(self, state: str, free_ns: int) -> str:
-        if self.unmade:
-            return f"no frame can be placed: {self.unmade}"
         if state == "STALE":
             return f"no image for {self.timeout.silence_ns(free_ns) / 1e9:.1f} s"
-        if state == "INACTIVE":
-            return "takes no images"
         if self._result is None or state == "WAITING":
             return f"waiting for {self.waiting_for}"
         return "placed" if self._result.placed else f"unplaced: {self._result.reason}"

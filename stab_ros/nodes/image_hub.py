@@ -22,6 +22,7 @@ from stab_ros.core.text import counted
 from stab_ros.io.cdr import COMPRESSED_IMAGE, IMAGE
 from stab_ros.nodes import params
 from stab_ros.nodes.image_source import ImageSubscription, ImageSupply
+from stab_ros.nodes.namesakes import Namesakes
 from stab_ros.nodes.qos import AdaptiveSubscription, keep_all_reliable, newest_only
 from stab_ros.nodes.qos_overrides import check_overrides, is_used
 from stab_ros.nodes.received_image import ReceivedImage
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from stab_ros.nodes.node_options import RosOptions
 
 RELIABLE_FIX = "let it offer RELIABLE, or set queue_depth:=1"
-_LOOK_S = 0.1
+_LOOK_S, _NAMES_S = 0.1, 1.0
 _MOST_WAITING = 8  # images for a node that wants all of them
 _LOOKS = 50  # of a node, until it is said that no images can come, if it is so: 5 s
 
@@ -62,13 +63,15 @@ class ImageHub(params.DeclaringNode):
 
         Args:
             name: of the hub, unless it is remapped.
-            options: as of rclpy's node.
+            options: as of rclpy's node; the services of logger levels are there unless they are declined.
 
         Raises:
             InputError: a quality of service is none, or a parameter is given an empty value.
         """
+        options.setdefault("enable_logger_service", True)
         super().__init__(name, **options)
         self.awaited = 0
+        self._expected: set[str] = set()  # full names of nodes that are to ask for images
         self._joined: set[str] = set()  # full names of nodes that have asked so far, or never will
         self._is_spun = self._idleness_is_told = self._obstacle_is_told = False
         self._lock = RLock()  # of the channels and their members
@@ -76,7 +79,9 @@ class ImageHub(params.DeclaringNode):
         self._supplied: set[str] = set()  # topics that come from a node of the process
         for line in check_overrides(self):
             self.get_logger().warning(line)
-        self.create_timer(_LOOK_S, self._refresh, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(_LOOK_S, self._refresh, clock=steady)
+        self.create_timer(_NAMES_S, Namesakes(self, options.get("node_name", name)).look, clock=steady)
 
     @property
     def parameters(self) -> Collection[str]:
@@ -92,9 +97,16 @@ class ImageHub(params.DeclaringNode):
         """See `ImageSource`."""
         if not self._is_spun and self._idleness_is_told:
             return f"an executor that spins {self.get_fully_qualified_name()}"
-        there = len(self._joined)
+        with self._lock:
+            there, missing = len(self._joined), sorted(self._expected - self._joined)
+        names = f", not yet {', '.join(missing)}" if missing else ""
         return "" if there >= self.awaited else (
-            f"{counted(self.awaited, 'node')} of the process to take images, so far {there}")
+            f"{counted(self.awaited, 'node')} of the process to take images, so far {there}{names}")
+
+    def expect(self, name: str) -> None:
+        """See `ImageSource`."""
+        with self._lock:
+            self._expected.add(name)
 
     def expect_no_more(self, name: str) -> None:
         """See `ImageSource`."""

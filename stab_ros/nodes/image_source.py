@@ -60,6 +60,9 @@ class ImageSource(Protocol):
             take: what becomes of an image.
         """
 
+    def expect(self, name: str) -> None:
+        """The node of this full name is to ask for images, sooner or later."""
+
     def expect_no_more(self, name: str) -> None:
         """The node of this full name will not ask for images, or not soon: it is not waited for."""
 

@@ -42,6 +42,7 @@ from stab_ros.nodes.background_compilation import BackgroundCompilation
 from stab_ros.nodes.diagnostic_status import DiagnosticStatus
 from stab_ros.nodes.failures import Failures
 from stab_ros.nodes.free_time import FreeTime
+from stab_ros.nodes.namesakes import Namesakes
 from stab_ros.nodes.qos_overrides import PREFIX, check_overrides, overridden, unused_overrides
 from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.stopping import StopRequest
@@ -84,6 +85,7 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
     """
 
     COMPUTES: ClassVar[bool] = False  # whether it uses kernels, which are compiled before it takes images
+    TAKES_IMAGES: ClassVar[bool] = False  # whether it asks `images` for them
     COMPOSABLE: ClassVar[bool] = True  # whether callbacks do its work, so that any executor can spin it
 
     def __init__(self, name: str, given: Mapping[str, Any] | None = None, images: ImageSource | None = None,
@@ -114,6 +116,7 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         self._brings_up = self._told = False  # a transition of its own is under way; the present one has been told
         self._unforeseen = Failures(self.get_logger())  # in callbacks while it is not configured
         self._closing: list[Callable[[], None]] = []
+        self._namesakes = Namesakes(self, "" if images is None else options.get("node_name", name))
         self._before = _Made(self)  # what there was before `configure`
         self._doubted: set[str] = set()  # overrides of QoS of which something was said
         self._check_overrides()
@@ -132,6 +135,8 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         self.create_steady_timer(_POLL_NS / SECOND_NS, self._poll_if_active)
         if self.autostart:
             self._bring_up(self.trigger_configure)
+        if images is not None and self.TAKES_IMAGES:
+            images.expect(self.get_fully_qualified_name())
 
     # what subclasses do ----------------------------------------------------------------------------------------------
     def configure(self) -> None:
@@ -185,7 +190,11 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         self.create_timer(period_s, callback, group, Clock(clock_type=ClockType.STEADY_TIME))
 
     def publish_diagnostics(self, status: DiagnosticStatus) -> None:
-        """One status on /diagnostics, named as the node and with its namespace as hardware_id."""
+        """One status on /diagnostics, named as the node and with its namespace as hardware_id.
+
+        While nobody has activated the node, it is told without the faults of the stream.
+        """
+        status = status.while_inactive() if self.is_paused else status
         self._reported = time.monotonic(), status
         self._send_diagnostics(status)
 
@@ -199,6 +208,8 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         if now_ns == 0:  # only a simulated clock can stand there
             level, message = max(level, WARN), f"{message}; {_NO_CLOCK}"
             self.get_logger().warning(_NO_CLOCK, once=True)
+        if self._namesakes.problem:
+            level, message = max(level, WARN), f"{message}; {self._namesakes.problem}"
         name, values = self.get_fully_qualified_name().lstrip("/"), {**status.values, "lifecycle": state}
         self._diagnostics.publish(diagnostics_cdr(now_ns, name, self.get_namespace(), level, message, values))
 
@@ -376,6 +387,7 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         return self._compilation.done
 
     def _report_state(self) -> None:
+        self._namesakes.look()
         if self.is_configured:
             self.report()
         else:

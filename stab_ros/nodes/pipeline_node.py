@@ -18,7 +18,6 @@ from stab_ros.nodes.discharge_node import DischargeNode
 from stab_ros.nodes.georeference_node import GeoreferenceNode
 from stab_ros.nodes.image_hub import ImageHub
 from stab_ros.nodes.managed_node import StabNode
-from stab_ros.nodes.placing_node import PlacingNode
 from stab_ros.nodes.runtime import spin, started
 from stab_ros.nodes.stopping import StopRequest
 from stab_ros.nodes.tracker_node import TrackerNode
@@ -28,7 +27,6 @@ from stab_ros.parameters.node_settings import PipelineSettings
 NODES: Mapping[str, type[TrackerNode | GeoreferenceNode | VelocimetryNode | DischargeNode | BagPlayerNode]] = {
     "tracker": TrackerNode, "georeference": GeoreferenceNode, "velocimetry": VelocimetryNode,
     "discharge": DischargeNode, "player": BagPlayerNode}
-_TAKE_IMAGES = (TrackerNode, PlacingNode)
 SETTINGS = params.table_of(PipelineSettings)
 _WAIT_S = 0.1  # until a signal is noticed
 _SWITCH_S = 0.0005  # a tracker that comes back from a kernel waits no longer for another node's Python code
@@ -69,7 +67,7 @@ def awaited_of(nodes: Sequence[str], wait_for_nodes: int) -> int:
     Raises:
         ConfigError: fewer of them take images than are waited for.
     """
-    takers = [name for name in nodes if issubclass(NODES[name], _TAKE_IMAGES)]
+    takers = [name for name in nodes if NODES[name].TAKES_IMAGES]
     if wait_for_nodes > len(takers):
         raise ConfigError(f"wait_for_nodes: {wait_for_nodes} is out of range, it must lie in [0, {len(takers)}], as "
                           f"{counted(len(takers), 'node')} of {', '.join(nodes)} take images")
@@ -141,5 +139,5 @@ def _spin_one(node: StabNode, hub: PipelineNode, compilation: BackgroundCompilat
     except StabRosError as error:
         kind = InputError if isinstance(error, InputError) else WorkError
         raise kind(f"{name}: {error}") from error
-    if isinstance(node, _TAKE_IMAGES):
+    if node.TAKES_IMAGES:
         hub.expect_no_more(full_name)

@@ -51,7 +51,7 @@ class PlacingNode(StabNode):
     settings: of the node. values: parameters of its engines. status: counts what becomes of images.
     """
 
-    COMPUTES = True
+    COMPUTES = TAKES_IMAGES = True
     settings: PlacingSettings
 
     def begin(self, values: Mapping[str, Value], config: GeoreferenceConfig, status: GeoreferenceStatus,
@@ -380,7 +380,6 @@ class PlacingNode(StabNode):
     def report(self) -> None:
         """Publishes /diagnostics."""
         of_level = self._level_doubts
-        self.status.paused = self.is_paused
         self.status.before, self.status.unmade = self._images.before, self.placer.unmade
         of_engine = () if self.placer.engine is None else self.placer.engine.doubts
         self.status.doubts = (*of_engine, *([_LENS] if self._lens_is_left else []), *of_level)

@@ -64,7 +64,7 @@ class _Pending:
 class TrackerNode(StabNode):
     """Publishes for every image its homography to the reference, and the image warped to the reference."""
 
-    COMPUTES = True
+    COMPUTES = TAKES_IMAGES = True
 
     def __init__(self, **options: Unpack[NodeOptions]) -> None:
         super().__init__("tracker_node", **options)
@@ -338,7 +338,6 @@ class TrackerNode(StabNode):
         self.status.ground, self.status.swing = self.stabilizer.ground, self.stabilizer.swing
         self.status.copied = self.stabilizer.copied_share
         self.status.stamps, self.status.before = self._stamps.counts, self._input.before
-        self.status.paused = self.is_paused
         self.publish_diagnostics(self.status.report(self.free.ns))
 
     # services and parameters -----------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from stab_ros.core.text import number
 from stab_ros.core.types import Track
 from stab_ros.io import advice
 from stab_ros.io.diagnostics_message import ERROR, OK, WARN
-from stab_ros.nodes.diagnostic_status import DiagnosticStatus
+from stab_ros.nodes.diagnostic_status import DiagnosticStatus, Summary
 from stab_ros.nodes.stream_timeout import StreamTimeout
 from stab_ros.tracking.ground_choice import CompetingHypothesis
 from stab_ros.tracking.parallax import Relief
@@ -31,7 +31,6 @@ class TrackerStatus:
         self.ground = GroundState.UNDECIDED
         self.timeout = StreamTimeout(stale_ns)
         self.asleep = False  # nobody listens, and no images are taken
-        self.paused = False  # the node is inactive, and no images are taken
         self.errors = 0  # internal ones so far
         self._received = self._tracked = self._lost = self._dropped = self._refused = 0
         self._warnings: dict[str, str] = {}  # by kind, until the next report
@@ -74,12 +73,12 @@ class TrackerStatus:
     def report(self, free_ns: int) -> DiagnosticStatus:
         """The status since the last report."""
         state = self._state(free_ns)
-        level = {"TRACKED": OK, "ASLEEP": OK, "INACTIVE": OK, "STALE": ERROR}.get(state, WARN)
-        message = self._message(state, free_ns)
+        level = {"TRACKED": OK, "ASLEEP": OK, "STALE": ERROR}.get(state, WARN)
         warnings = self._all_warnings()
-        if warnings:
-            level, message = max(level, WARN), "; ".join([message, *warnings])
-        return DiagnosticStatus(level, message, self._values(state))
+        least = WARN if warnings else OK
+        message, inactive = ("; ".join([first, *warnings]) for first in (
+            self._message(state, free_ns), "takes no images"))
+        return DiagnosticStatus(max(level, least), message, self._values(state), Summary(least, inactive))
 
     def _all_warnings(self) -> list[str]:
         """What is worth a warning now; those of a kind are told once."""
@@ -87,8 +86,6 @@ class TrackerStatus:
         return [*advice.remarks(self.competing, self.relief, self.swing, self.copied), *once.values()]
 
     def _state(self, free_ns: int) -> str:
-        if self.paused:
-            return "INACTIVE"
         if self.asleep:
             return "ASLEEP"
         if self._track is None or not self.timeout.has_begun:
@@ -96,8 +93,6 @@ class TrackerStatus:
         return "STALE" if self.timeout.is_stale(free_ns) else self._track.state.value
 
     def _message(self, state: str, free_ns: int) -> str:
-        if state == "INACTIVE":
-            return "takes no images"
         if state == "ASLEEP":
             return "asleep until somebody listens"
         if state == "WAITING":

@@ -39,10 +39,10 @@ def test_what_is_inactive_has_no_doubts_but_those_of_its_section() -> None:
     status = DischargeStatus(2 * SECOND, ("the section is short",))
     status.on_velocity(SECOND, 0, 0)
     status.suspend()
-    status.paused, status.level_missing = True, "nobody publishes water_level"
-    report = status.report(9 * SECOND)
+    status.level_missing = "nobody publishes water_level"
+    report = status.report(9 * SECOND).while_inactive()
+    assert (report.level, report.values["state"]) == (WARN, "INACTIVE")
     assert report.message.split("; ") == ["takes no velocities", "the section is short"]
-    status.paused = False
     report = status.report(9 * SECOND)
     assert (report.level, report.values["state"]) == (WARN, "WAITING")
 

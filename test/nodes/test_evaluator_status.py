@@ -102,6 +102,17 @@ def test_a_stream_that_stops_is_an_error_that_names_the_last_frame() -> None:
     assert stream.says()[0] == Level.OK
 
 
+def test_an_inactive_evaluator_is_told_of_frames_but_of_no_silence() -> None:
+    stream = StatusFeed(alarm_s=10)
+    stream.frame(Finding(Level.WARN, "rmsd_reference 9 is high"), rmsd_reference=9.0)
+    stream.now_ns += 5 * SECOND_NS
+    assert stream.says()[0] == Level.ERROR
+    report = stream.status.report(stream.now_ns, 0, stream.now_ns).while_inactive()
+    assert (report.level, report.values["state"]) == (Level.WARN, "INACTIVE")
+    assert "no image for" not in report.message
+    assert "rmsd_reference 9 is high" in report.message
+
+
 def test_skipped_frames_and_checks_are_reported() -> None:
     stream = StatusFeed()
     stream.frame()

@@ -16,6 +16,7 @@ from live_graph import stamp_ns as stamp_of
 from rclpy.serialization import deserialize_message, serialize_message
 from recordings import Entry, camera_info, entries, write_mcap
 from sensor_msgs.msg import CameraInfo, Imu, NavSatFix
+from test_lifecycle import DEACTIVATE, change, reported
 from visualization_msgs.msg import MarkerArray
 
 from stab_ros.core.types import FloatArray
@@ -24,6 +25,7 @@ from stab_ros.georeferencing.samples import AttitudeSample
 from stab_ros.imaging.pose import BODY_R_OPTICAL, Pose, quaternion_of
 from stab_ros.imaging.view import View
 from stab_ros.io.bag import open_bag
+from stab_ros.io.diagnostics_message import ERROR
 from stab_ros.io.homography_message import read_homography
 from stab_ros.synthetic.flight import Shot
 
@@ -193,6 +195,13 @@ def test_points_that_do_not_fit_the_camera_are_said_and_the_node_goes_on(graph: 
     assert report["state"] == "WAITING"
     assert graph.set_parameter(NODE, "height_m", 30.0) == (True, "")
     assert stream.node.process.poll() is None
+    stream.show(shot(2))
+    stream.until_reported(frames_refused=3)
+    assert change(graph, NODE, DEACTIVATE)
+    graph.until(lambda: reported(stream.reports, "inactive"), "a report of the pause")
+    level, message, state = reported(stream.reports, "inactive")[0]
+    assert (level, state) == (ERROR, "INACTIVE")
+    assert message.startswith("inactive: no frame can be placed: ")
 
 
 def control_points() -> tuple[list[str], FloatArray, FloatArray]:

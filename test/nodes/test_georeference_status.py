@@ -58,3 +58,18 @@ def test_age_of_sensors_is_that_of_their_stamps() -> None:
     assert status.report(0).values["fix_age_s"] == "2.5"
     status.restart()
     assert "fix_age_s" not in status.report(0).values
+
+
+def test_an_inactive_node_is_told_of_what_prevents_any_place_and_of_no_fault_of_the_stream() -> None:
+    status = GeoreferenceStatus("stationary_gcps", SECOND)
+    status.on_image(0)
+    status.on_result(placed(1.0, "focal length and height cannot be told apart"))
+    status.faults = {"/level": "/level is published as String"}
+    assert status.report(9 * SECOND).level == ERROR
+    report = status.report(9 * SECOND).while_inactive()
+    assert (report.level, report.message, report.values["state"]) == (OK, "takes no images", "INACTIVE")
+    status.unmade = "the points do not fit"
+    status.warn("reset", "homographies begin anew")
+    report = status.report(9 * SECOND).while_inactive()
+    assert report.level == ERROR
+    assert report.message == "no frame can be placed: the points do not fit; homographies begin anew"

@@ -48,6 +48,8 @@ def test_each_reason_for_no_images_is_said_once(graph: Graph, capfd: pytest.Capt
     hub, executor = ImageHub(context=graph.context), SingleThreadedExecutor(context=graph.context)
     hub.awaited = 2
     part = hub.join(graph.node, "/image", compressed=False, keep_all=True, take=lambda image: None)
+    for name in ("/late", graph.node.get_fully_qualified_name()):
+        hub.expect(name)
 
     def said() -> list[str]:
         for _ in range(LONG):
@@ -58,7 +60,7 @@ def test_each_reason_for_no_images_is_said_once(graph: Graph, capfd: pytest.Capt
     assert hub.obstacle == "an executor that spins /image_hub"
     executor.add_node(hub)
     executor.spin_once(timeout_sec=10.0)  # until its timer
-    assert said() == ["they wait for 2 nodes of the process to take images, so far 1"]
+    assert said() == ["they wait for 2 nodes of the process to take images, so far 1, not yet /late"]
     assert not said()
     part.close()
     executor.shutdown()

@@ -18,6 +18,8 @@ from image_publisher import FRAMES, by_the_engine, shots
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from live_graph import Graph, NodeProcess, image_message
+from rcl_interfaces.msg import LoggerLevel
+from rcl_interfaces.srv import GetLoggerLevels, SetLoggerLevels
 from rclpy.qos import ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from recordings import entries, write_mcap
@@ -152,7 +154,7 @@ def test_a_player_in_the_process_waits_for_the_others_and_says_so(graph: Graph, 
         "/**/bag_player_node": {"bag": str(flown), "rate": 100.0},
         "/**/tracker_node": {"queue_depth": 0, "wait_for_subscribers": 1},
         "/**/velocimetry_node": {"autostart": False}})
-    missing = "2 nodes of the process to take images, so far 1"
+    missing = "2 nodes of the process to take images, so far 1, not yet /cam/velocimetry_node"
 
     def waiting() -> set[str]:
         return {one.status[0].name for one in reports if one.status[0].message == f"waiting for {missing}"}
@@ -276,6 +278,7 @@ def test_what_cannot_be_ends_with_a_line(
 
 
 def test_signals_end_all_nodes_at_once(graph: Graph) -> None:
+    """Which share the images by the quality of service of the pipeline's own node, that has a logger too."""
     graph.listen(CameraInfo, "/cam/homography")
     parameters: dict[str, Any] = {
         "nodes": ["tracker", "georeference", "velocimetry"], "orientation": "stationary_nadir", "height_m": 20.0,
@@ -284,5 +287,12 @@ def test_signals_end_all_nodes_at_once(graph: Graph) -> None:
     graph.until(lambda: graph.node.count_subscribers("/cam/image_raw"), "images taken")
     (taken,) = graph.node.get_subscriptions_info_by_topic("/cam/image_raw")
     assert taken.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+    error = LoggerLevel(name="cam.pipeline_node", level=LoggerLevel.LOG_LEVEL_ERROR)
+    (result,) = graph.call(SetLoggerLevels, "/cam/pipeline_node/set_logger_levels",
+                           SetLoggerLevels.Request(levels=[error])).results
+    assert result.successful
+    (level,) = graph.call(GetLoggerLevels, "/cam/pipeline_node/get_logger_levels",
+                          GetLoggerLevels.Request(names=[error.name])).levels
+    assert level.level == error.level
     assert pipeline.stop(signal.SIGTERM) == 0
     assert "Traceback" not in pipeline.log

@@ -89,9 +89,8 @@ def test_sleep_is_no_fault_and_the_silence_of_it_is_not_told() -> None:
 
 def test_an_inactive_node_has_no_fault_but_what_was_said_since() -> None:
     status = TrackerStatus("direct", stale_ns=2 * SECOND_NS)
-    status.paused = True
     status.warn("reference_path", "the reference is not saved: disk full")
-    report = status.report(100 * SECOND_NS)
+    report = status.report(100 * SECOND_NS).while_inactive()
     assert (report.level, report.message) == (1, "takes no images; the reference is not saved: disk full")
-    report = status.report(101 * SECOND_NS)
+    report = status.report(101 * SECOND_NS).while_inactive()
     assert (report.level, report.message, report.values["state"]) == (0, "takes no images", "INACTIVE")
