@@ -42,4 +42,11 @@ ONE_CASE = {  # parametrised tests of which the first case stands for the others
     "test_bad_parameters_end_the_node", "test_what_is_no_quality_of_service_is_one_line",
     "test_the_tracker_beside_a_node_of_somebody_else_answers_as_the_engine", "test_every_size_has_points",
     "test_pairs_that_are_logged_out_of_order_are_all_measured", "test_density_stays_even",
+    "test_a_pinhole_of_the_reference_sees_the_marks_there", "test_warped_by_oneself_as_image_stabilized",
+    "test_pairs_by_stamp", "test_nodes_share_images_in_a_process_of_somebody_else",
+    "test_frames_of_a_start_that_are_not_to_be_late",
+    "test_a_pause_is_no_fault_of_the_stream", "test_without_a_start_it_is_given_up_after_some_frames",
+    "test_errors_of_a_flight_with_control_points_in_its_reference_are_as_told",
+    "test_errors_by_followed_control_points_are_as_told", "test_compressed_images_stay_grey",
+    "test_a_stabilised_recording_gives_the_same_places",
 }
