@@ -76,7 +76,7 @@ class BagPlayerNode(StabNode):
     At the end it ends, or is inactive where it was activated from outside, and begins anew with the next activation.
     """
 
-    COMPOSABLE = False
+    COMPOSABLE, OF_BAGS = False, True
 
     def __init__(self, given: Mapping[str, object] | None = None, **options: Unpack[NodeOptions]) -> None:
         super().__init__("bag_player_node", given, **options)

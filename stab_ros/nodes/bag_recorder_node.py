@@ -36,7 +36,7 @@ class RecorderSettings(Checked):
 class BagRecorderNode(StabNode):
     """Writes every message of `topics` (if empty: of all topics) while active; cleanup completes the file."""
 
-    COMPOSABLE = False
+    COMPOSABLE, OF_BAGS = False, True
 
     def __init__(self, given: Mapping[str, object]) -> None:
         super().__init__("bag_recorder_node", given)

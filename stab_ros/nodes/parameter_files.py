@@ -28,7 +28,7 @@ def files_for_others(words: Sequence[str], *nodes: str) -> Iterator[str]:
             named = nodes_named(Path(name))
         if named and not any(is_for(one, node) for one in named for node in nodes):
             yield (f"{name}: nothing of it applies, it is for {one_line(', '.join(named))[:500]}, and "
-                   f"{told(nodes)}; let it begin with /**: or with {nodes[0]}:")
+                   f"{in_words(nodes)}; let it begin with /**: or with {nodes[0]}:")
 
 
 def parameters_for_others(words: Sequence[str], *nodes: str) -> Iterator[str]:
@@ -36,7 +36,7 @@ def parameters_for_others(words: Sequence[str], *nodes: str) -> Iterator[str]:
     for word in values_of(words, "-p", "--param"):
         node, separator, _ = word.partition(":=")[0].partition(":")
         if separator and not any(is_for(node, one) for one in nodes):
-            yield (f"-p {one_line(word)[:500]}: nothing of it applies, it is for /{node}, and {told(nodes)}; leave "
+            yield (f"-p {one_line(word)[:500]}: nothing of it applies, it is for /{node}, and {in_words(nodes)}; leave "
                    f"{node}: out{_or_name(nodes)}")
 
 
@@ -46,7 +46,7 @@ def _or_name(nodes: Sequence[str]) -> str:
     return f", or write {' or '.join(names)} instead" if names else ", or name the node in a parameter file"
 
 
-def told(nodes: Sequence[str]) -> str:
+def in_words(nodes: Sequence[str]) -> str:
     """Which nodes there are, for people."""
     return f"this node is {nodes[0]}" if len(nodes) == 1 else f"the nodes here are {', '.join(nodes)}"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -43,6 +43,8 @@ class DeclaringNode(Node):
         others: names of parameters that reach it, but are for another node of its process.
         first_name: what it would be called without any rule that renames it.
     """
+
+    OF_BAGS: ClassVar[bool] = False  # whether its topics are those of recordings, and no others
 
     def __init__(self, name: str, given: Mapping[str, Any] | None = None, **options: Unpack[RosOptions]) -> None:
         """Makes the node with what is given declared as it comes, so that `declare` can judge it.

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from stab_ros.core.settings import did_you_mean
 from stab_ros.core.text import one_line
 from stab_ros.io import topics
-from stab_ros.nodes.parameter_files import told
+from stab_ros.nodes.parameter_files import in_words
 from stab_ros.nodes.params import DeclaringNode
 from stab_ros.nodes.ros_arguments import values_of
 
@@ -54,7 +54,7 @@ def rules_for_others(words: Sequence[str], nodes: Sequence[DeclaringNode]) -> It
         if rule.node and rule.node not in names:
             meant = did_you_mean(rule.node, names)
             yield (f"-r {rule.word}: nothing of it applies, it is for a node {rule.node}, and "
-                   f"{told([node.get_fully_qualified_name() for node in nodes])}{meant and f'; {meant}'}")
+                   f"{in_words([node.get_fully_qualified_name() for node in nodes])}{meant and f'; {meant}'}")
 
 
 def unused_rules(words: Sequence[str], nodes: Sequence[DeclaringNode]) -> Iterator[str]:
@@ -75,10 +75,14 @@ def _is_of_a_topic(rule: Rule) -> bool:
 
 def _uses(node: DeclaringNode, rule: Rule) -> bool:
     """Whether it uses the name, or might: what is below a topic belongs to it, as image_transport has it."""
-    full = node.expanded(rule.name)
+    full, known = node.expanded(rule.name), node.names_in_use | (set() if node.OF_BAGS else _possible(node))
+    return any(full == name or full.startswith(f"{name}/") for name in known)
+
+
+def _possible(node: DeclaringNode) -> set[str]:
+    """Topics of this package in the namespace of a node, also below the names of nodes."""
     above = ["", *(f"{name}/" for name in (node.get_name(), *_NODES))]
-    known = {node.expanded(f"{place}{topic}") for place in above for topic in _TOPICS if not topic.startswith("/")}
-    return any(full == name or full.startswith(f"{name}/") for name in known | node.names_in_use)
+    return {node.expanded(f"{place}{topic}") for place in above for topic in _TOPICS if not topic.startswith("/")}
 
 
 def _written_as(rule: Rule, full: str, node: DeclaringNode) -> str:

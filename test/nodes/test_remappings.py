@@ -14,6 +14,13 @@ from std_srvs.srv import Trigger
 from stab_ros.nodes.params import DeclaringNode
 from stab_ros.nodes.remappings import rules_for_others, unused_rules
 
+
+class OfBags(DeclaringNode):
+    """As player and recorder."""
+
+    OF_BAGS = True
+
+
 MakeNodes = Callable[..., list[DeclaringNode]]
 
 
@@ -23,12 +30,13 @@ def make_node(monkeypatch: pytest.MonkeyPatch) -> Iterator[MakeNodes]:
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     context, nodes = Context(), list[DeclaringNode]()
 
-    def make(words: list[str], *names: str) -> list[DeclaringNode]:
+    def make(words: list[str], *names: str, kind: type[DeclaringNode] = DeclaringNode,
+             topic: str = "image_raw") -> list[DeclaringNode]:
         rclpy.init(args=words, context=context, domain_id=next_domain())
         for name in names:
-            nodes.append(DeclaringNode(name, context=context))
+            nodes.append(kind(name, context=context))
             nodes[-1].create_service(Trigger, "~/reset_reference", lambda _, response: response)
-            nodes[-1].create_publisher(Image, nodes[-1].resolve_topic_name("image_raw"), 1)
+            nodes[-1].create_publisher(Image, nodes[-1].resolve_topic_name(topic), 1)
         return nodes
 
     yield make
@@ -62,6 +70,14 @@ def test_what_is_used_or_may_be_is_not_told(make_node: MakeNodes, rule: str) -> 
 def test_what_nothing_uses_is_told(make_node: MakeNodes, rule: str, meant: str) -> None:
     (line,) = told(make_node, "__ns:=/cam", rule)
     assert line.startswith(f"-r {rule} has had no effect: there is no topic or service {meant}")
+
+
+def test_a_player_has_the_topics_of_its_recording(make_node: MakeNodes) -> None:
+    words = ["x", "--ros-args", "-r", "image_raw:=/x", "-r", "/cam/image_raw:=/y"]
+    (node,) = make_node(words, "bag_player_node", kind=OfBags, topic="/cam/image_raw")
+    (line,) = unused_rules(words, [node])
+    assert line.startswith("-r image_raw:=/x has had no effect: ")
+    assert line.endswith("did you mean cam/image_raw?")
 
 
 def test_a_rule_for_one_node_names_it_as_it_is_called(make_node: MakeNodes) -> None:
