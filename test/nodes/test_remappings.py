@@ -11,6 +11,7 @@ from rclpy.context import Context
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
+from stab_ros.nodes.managed_node import StabNode
 from stab_ros.nodes.params import DeclaringNode
 from stab_ros.nodes.remappings import rules_for_others, unused_rules
 
@@ -87,3 +88,9 @@ def test_a_rule_for_one_node_names_it_as_it_is_called(make_node: MakeNodes) -> N
     assert [line.split(": ", 1)[0] for line in used] == [
         "-r evaluatr_node:image_raw:=/z", "-r tracker_node:image_raw:=/u", "-r steady:imge_raw:=/x has had no effect"]
     assert "it is for a node tracker_node, and the nodes here are /steady, /velocimetry_node" in used[1]
+
+
+def test_the_service_of_the_states_may_have_any_name(make_node: MakeNodes) -> None:
+    (node,) = make_node(["x", "--ros-args", "-r", "~/change_state:=/go", "-p", "autostart:=false"], "managed",
+                        kind=StabNode)
+    assert "/go" in {service.service_name for service in node.services}
