@@ -44,6 +44,8 @@ class RectifyStill(Node):
 
     def _take(self, image: Image, info: CameraInfo) -> None:
         if not info.k[0]:  # the tracker knows no calibration
+            self.get_logger().warning("K of image_stabilized/camera_info is zero: the camera is not calibrated, and "
+                                      "nothing is rectified; let the tracker have its camera_info", once=True)
             return
         picture, info = resized(rectified(pixels(image), info), info, self._scale)
         picture, info = cut(picture, info, self._roi, self._decimation)

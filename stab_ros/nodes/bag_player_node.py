@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -58,13 +59,24 @@ class PlayerSettings(Checked):
         0, 1000)
 
 
+@dataclass(frozen=True)
+class _Place:
+    """Where the replay goes on after a pause: before the message of number `passed`, whose log time is `next_ns`.
+
+    Log times do not tell the place: messages of several topics may share one.
+    """
+
+    passed: int
+    next_ns: int
+
+
 class BagPlayerNode(StabNode):
     """Plays once, or again and again with `loop`; a pause of the replay is the state inactive.
 
     At the end it ends, or is inactive where it was activated from outside, and begins anew with the next activation.
     """
 
-    COMPOSABLE = False
+    COMPOSABLE, OF_BAGS = False, True
 
     def __init__(self, given: Mapping[str, object] | None = None, **options: Unpack[NodeOptions]) -> None:
         super().__init__("bag_player_node", given, **options)
@@ -88,7 +100,7 @@ class BagPlayerNode(StabNode):
         self._clock_ns = 0
         self._messages = self._rounds = 0
         self._activity = "opening the recording"
-        self._next_ns = 0  # log time from which on to play
+        self._paused: _Place | None = None
         self._advertise(self._bag)
 
     def work(self, spinner: Spinner) -> None:
@@ -136,6 +148,7 @@ class BagPlayerNode(StabNode):
                                        "clock, the log times at the rate of the replay")
                 continue
             try:
+                params.topic_of(self, topic.name)  # ROS 1 and other writers of MCAP have further names
                 msg_class = message_class(topic.msgtype)
             except InputError as error:
                 self.get_logger().warning(f"{topic.name} is left out: {error}")
@@ -168,26 +181,31 @@ class BagPlayerNode(StabNode):
 
     def _play(self, bag: BagReader, spinner: Spinner) -> None:
         self._activity = "playing"
-        start_ns = self._next_ns or bag.start_ns + round(self.settings.start_offset * SECOND_NS)
-        self._rounds += not self._next_ns
-        self._schedule = Schedule(start_ns, time.monotonic_ns(), self.settings.rate)
+        self._rounds += self._paused is None
+        place = self._paused or _Place(0, bag.start_ns + round(self.settings.start_offset * SECOND_NS))
+        self._schedule = Schedule(place.next_ns, time.monotonic_ns(), self.settings.rate)
         total = sum(bag.topics[name].count for name in self._outputs)
         with tqdm(total=total, unit=" messages", disable=None) as progress:
-            latched = LatchedMessages(self._outputs)
-            for message in bag.messages(self._outputs):
-                progress.update()
-                if message.log_time_ns < start_ns:
-                    latched.take(message)
-                    continue
+            progress.update(place.passed)
+            self._paused = self._played_from(place, bag, spinner, progress)
+        if self._paused is None:
+            for warning in bag.warnings:
+                self.get_logger().warning(warning)
+
+    def _played_from(self, place: _Place, bag: BagReader, spinner: Spinner, progress: tqdm[Any]) -> _Place | None:
+        """Plays from there on; returns where it was paused, or None at the end."""
+        latched = LatchedMessages(self._outputs)
+        for number, message in enumerate(islice(bag.messages(self._outputs), place.passed, None), place.passed):
+            if message.log_time_ns < place.next_ns:
+                latched.take(message)
+            else:
                 self._send(latched.release())
                 self._wait_until_due(message, spinner)
                 if not self._plays_on(spinner):
-                    self._next_ns = message.log_time_ns
-                    return
+                    return _Place(number, message.log_time_ns)
                 self._send([message])
-        self._next_ns = 0
-        for warning in bag.warnings:
-            self.get_logger().warning(warning)
+            progress.update()
+        return None
 
     def _send(self, messages: Iterable[Message]) -> None:
         for message in messages:

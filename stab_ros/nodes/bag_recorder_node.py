@@ -36,7 +36,7 @@ class RecorderSettings(Checked):
 class BagRecorderNode(StabNode):
     """Writes every message of `topics` (if empty: of all topics) while active; cleanup completes the file."""
 
-    COMPOSABLE = False
+    COMPOSABLE, OF_BAGS = False, True
 
     def __init__(self, given: Mapping[str, object]) -> None:
         super().__init__("bag_recorder_node", given)
@@ -49,7 +49,7 @@ class BagRecorderNode(StabNode):
         self.settings = RecorderSettings(**values)
         names = params.declare_names(self, "topics", "Topics to record; all topics if empty")
         params.warn_of_unknown(self, [*table, "topics"])
-        self._wanted = {self.resolve_topic_name(name) for name in names}
+        self._wanted = self._topics_of(names)
         if not self.settings.output:
             raise ConfigError("output: no file is named, it must be one to write, as in -p output:=flight.mcap")
         self._inputs: dict[str, AdaptiveSubscription] = {}
@@ -59,6 +59,12 @@ class BagRecorderNode(StabNode):
         self._failure: WorkError | None = None
         self._writer = BagWriter(Path(self.settings.output), self.settings.overwrite, "-p overwrite:=true")
         self.at_cleanup(self._writer.close)
+
+    def _topics_of(self, names: Sequence[str]) -> set[str]:
+        try:
+            return {params.topic_of(self, name) for name in names}
+        except InputError as error:
+            raise ConfigError(f"topics: {error}") from error
 
     def activate(self) -> None:
         self.tell(f"recording to {self.settings.output}")

@@ -82,6 +82,7 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
         is_active: whether it takes images.
         waits: whether it activates itself only when told to, and not at the first spin.
         images: who takes images for it; None: nobody else does.
+        on_settled: called once a second while it `is_settled`.
     """
 
     COMPUTES: ClassVar[bool] = False  # whether it uses kernels, which are compiled before it takes images
@@ -102,6 +103,7 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
             InputError: a parameter cannot be used.
         """
         options.setdefault("enable_logger_service", True)
+        self.on_settled: Callable[[], None] = lambda: None
         self._declared = ""  # the parameter that is being declared; callbacks hear of it as if somebody had set it
         params.DeclaringNode.__init__(self, name, given, **options)
         LifecycleNodeMixin.__init__(self)
@@ -174,6 +176,11 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
     def is_paused(self) -> bool:
         """Whether it takes no images until somebody activates it: that none come is no fault."""
         return not (self.is_active or self._starts)
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether it has been active for some time, in which it has made its publishers and subscriptions."""
+        return self.is_active and self.free.ns - self._activated_ns >= _UNUSED_NS
 
     def tell(self, line: str) -> None:
         """Logs what a change of state has led to, instead of the change alone."""
@@ -282,7 +289,7 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
 
     def _refuse_impossible_transitions(self) -> None:
         """As rclpy answers those by an exception, which would end the node."""
-        service = next(one for one in self.services if one.srv_name.endswith("/change_state"))
+        service = next(one for one in self.services if one.srv_type is ChangeState)  # whatever its name is
         change = service.callback
 
         def change_if_possible(request: ChangeState.Request, response: ChangeState.Response) -> ChangeState.Response:
@@ -414,8 +421,9 @@ class StabNode(LifecycleNodeMixin, params.DeclaringNode):
 
     def _tell_unused(self) -> None:
         """What was meant for a publisher or subscription that is not there; some come later than others."""
-        if not self.is_active or self.free.ns - self._activated_ns < _UNUSED_NS:
+        if not self.is_settled:
             return
+        self.on_settled()
         for name, line in unused_overrides(self).items():
             if name not in self._doubted and not (self.images is not None and self.images.is_used(name)):
                 self._doubted.add(name)

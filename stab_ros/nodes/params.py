@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 
     from stab_ros.nodes.node_options import RosOptions
 
-_OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "autostart")
+_BOOLS_OF_RCLPY = ("use_sim_time", "start_type_description_service")
+_OF_EVERY_NODE = (*_BOOLS_OF_RCLPY, "autostart")
 _SIM_TIME = "Whether the time of diagnostics and recordings is that of /clock; results are timed by header stamps"
 _LARGEST_INTEGER = 2**63 - 1
 
@@ -40,7 +41,10 @@ class DeclaringNode(Node):
         fixed: those that a configured node cannot change.
         autostart: whether it configures itself; if not, nothing is read-only.
         others: names of parameters that reach it, but are for another node of its process.
+        first_name: what it would be called without any rule that renames it.
     """
+
+    OF_BAGS: ClassVar[bool] = False  # whether its topics are those of recordings, and no others
 
     def __init__(self, name: str, given: Mapping[str, Any] | None = None, **options: Unpack[RosOptions]) -> None:
         """Makes the node with what is given declared as it comes, so that `declare` can judge it.
@@ -51,10 +55,12 @@ class DeclaringNode(Node):
             options: as of rclpy's node.
 
         Raises:
-            ConfigError: a parameter was given an empty value.
+            ConfigError: a parameter was given an empty value, or one of rclpy's that is no bool.
             InputError: there can be no such node.
         """
         options.setdefault("node_name", name)
+        self.first_name = options["node_name"]
+        self._topics: set[str] = set()  # that it has asked for, by their full names before any rule
         options["parameter_overrides"] = [*options.get("parameter_overrides", []),
                                           *(RosParameter(key, value=value) for key, value in (given or {}).items())]
         try:
@@ -74,6 +80,29 @@ class DeclaringNode(Node):
         self.fixed: set[str] = set()
         self.autostart = True
         self.others: Collection[str] = ()
+
+    @property
+    def names_in_use(self) -> set[str]:
+        """The full names of its topics and services so far, before any rule gives them others."""
+        served = {one.srv_name for one in self.services} | {one.srv_name for one in self.clients}
+        return self._topics | {self.resolve_service_name(name, only_expand=True) for name in served}
+
+    def expanded(self, name: str) -> str:
+        """The full name of a topic or service, before any rule."""
+        return super().resolve_topic_name(name, only_expand=True)
+
+    def resolve_topic_name(self, topic: str, *, only_expand: bool = False) -> str:
+        """As of rclpy."""
+        if not only_expand:
+            self._topics.add(self.expanded(topic))
+        return super().resolve_topic_name(topic, only_expand=only_expand)
+
+    def declare_parameters(self, namespace: str, parameters: list[Any], *args: Any, **options: Any) -> list[Any]:
+        """As of rclpy, which begins with what was given and would go on with a `use_sim_time` that is no bool."""
+        for name, value, *_ in parameters:
+            if name in _BOOLS_OF_RCLPY and value is not None:
+                checked(name, value, False, Range(""))
+        return super().declare_parameters(namespace, parameters, *args, **options)
 
     def declare_parameter(self, name: str, *args: Any, **options: Any) -> RosParameter:
         """As of rclpy; a quality of service comes with the value in force, which may have been set after the start."""
@@ -148,6 +177,19 @@ def declare_names(node: DeclaringNode, name: str, doc: str) -> list[str]:
     node.fixed.add(name)
     _declare(node, name, names or RosParameter.Type.STRING_ARRAY, shown)
     return names
+
+
+def topic_of(node: Node, name: str) -> str:
+    """The full name of a topic.
+
+    Raises:
+        InputError: there can be no topic of this name.
+    """
+    try:
+        return node.resolve_topic_name(name)
+    except RuntimeError as error:  # rclpy's RCLError is not public
+        reason = _in_one_line(error).removeprefix("failed to resolve name: ")
+        raise InputError(f"{name!r} is no name of a topic, it must be as /camera/image_raw: {reason}") from error
 
 
 def describe(limits: Range, value: Value, read_only: bool) -> ParameterDescriptor:

@@ -84,8 +84,9 @@ def run(stop: StopRequest) -> int:
     with started(stop) as process:
         hub = PipelineNode()
         nodes = [_made(name, hub) for name in hub.nodes]
+        _check_names([hub, *nodes])
         computes = any(node.COMPUTES for node in nodes)
-        _spin_all(hub, nodes, stop, process.prepare(_names([hub, *nodes]), hub.get_logger(), computes))
+        _spin_all(hub, nodes, stop, process.prepare([hub, *nodes], hub.get_logger(), computes))
     return 0
 
 
@@ -98,13 +99,12 @@ def _made(name: str, hub: ImageHub) -> StabNode:
     return node
 
 
-def _names(nodes: Sequence[PipelineNode | StabNode]) -> list[str]:
-    """Their full names. Raises InputError if several have the same."""
+def _check_names(nodes: Sequence[PipelineNode | StabNode]) -> None:
+    """Raises InputError if several nodes have the same full name."""
     names = [node.get_fully_qualified_name() for node in nodes]
     if len({*names}) < len(names):
         raise InputError(f"all nodes of the process were given the name {names[0]}; rename one alone, as "
                          "-r tracker_node:__node:=NAME")
-    return names
 
 
 def _spin_all(hub: PipelineNode, nodes: Sequence[StabNode], stop: StopRequest,

@@ -24,7 +24,9 @@ from stab_ros.nodes import log_folder
 from stab_ros.nodes.background_compilation import BackgroundCompilation
 from stab_ros.nodes.managed_node import StabNode
 from stab_ros.nodes.nested_lists import with_lists_as_text
-from stab_ros.nodes.parameter_files import files_for_others
+from stab_ros.nodes.parameter_files import files_for_others, parameters_for_others
+from stab_ros.nodes.params import DeclaringNode
+from stab_ros.nodes.remappings import rules_for_others, unused_rules
 from stab_ros.nodes.spinner import Spinner
 from stab_ros.nodes.stopping import StopRequest, end_at_once
 from stab_ros.nodes.transport import use_profile
@@ -37,13 +39,28 @@ class Started:
         """warnings: of the start, for the log of a node to come."""
         self._warnings = warnings
         self.compilation: BackgroundCompilation | None = None
+        self._unused_is_told = False
 
-    def prepare(self, names: Sequence[str], log: RcutilsLogger, computes: bool) -> BackgroundCompilation | None:
-        """Logs what the start warned of, and compiles the kernels if the nodes of these full names need them."""
-        for warning in filter(None, [*self._warnings, *files_for_others(sys.argv, *names)]):
+    def prepare(self, nodes: Sequence[DeclaringNode], log: RcutilsLogger,
+                computes: bool) -> BackgroundCompilation | None:
+        """Logs what the start warned of, and compiles the kernels if its nodes need them."""
+        names = [node.get_fully_qualified_name() for node in nodes]
+        words = sys.argv
+        for warning in filter(None, [*self._warnings, *files_for_others(words, *names),
+                                     *parameters_for_others(words, *names), *rules_for_others(words, nodes)]):
             log.warning(warning)
+        managed = [node for node in nodes if isinstance(node, StabNode)]
+        managed[0].on_settled = lambda: self._tell_unused(nodes, managed, log)
         self.compilation = BackgroundCompilation() if computes else None
         return self.compilation
+
+    def _tell_unused(self, nodes: Sequence[DeclaringNode], managed: Sequence[StabNode], log: RcutilsLogger) -> None:
+        """Once: which rules of the command line none of the nodes has used, when all have had the time to."""
+        if self._unused_is_told or not all(node.is_settled for node in managed):
+            return
+        self._unused_is_told = True
+        for line in unused_rules(sys.argv, nodes):
+            log.warning(line)
 
 
 @contextmanager
@@ -73,7 +90,7 @@ def run(make: Callable[[], StabNode], stop: StopRequest) -> int:
     with started(stop) as process:
         node = make()
         node.stop, node.waits = stop, True
-        spin(node, process.prepare([node.get_fully_qualified_name()], node.get_logger(), node.COMPUTES))
+        spin(node, process.prepare([node], node.get_logger(), node.COMPUTES))
     return 0
 
 

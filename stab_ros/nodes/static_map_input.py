@@ -36,6 +36,11 @@ class StaticMapInput:
         """The full name."""
         return self._maps.topic
 
+    @property
+    def lack(self) -> str:
+        """Why no map that tells ground from water has come, for people."""
+        return f"{self.topic} tells no ground from water" if self._maps.publishers else f"nobody publishes {self.topic}"
+
     def refresh(self) -> None:
         """Follows the publishers; the node itself tells that no map comes."""
         self._maps.refresh()

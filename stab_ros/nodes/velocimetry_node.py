@@ -158,7 +158,9 @@ class VelocimetryNode(PlacingNode):
             return
         self._map.refresh()
         if self._map_patience.check(self.free.ns, bool(self._held)):
-            self.warn("map", f"{self._map.topic} tells no ground from water, velocities are measured everywhere")
+            text = f"{self._map.lack}: velocities are measured everywhere"
+            self.status.warn("map", text)
+            self.get_logger().warning(text, once=True)
             self._release()
 
     def _release(self) -> None:

@@ -20,6 +20,7 @@ from live_graph import Graph, image_message
 from marked_ground import MarkedGround, spot_px
 from message_makers import HEADER
 from message_package import ROS, compiler
+from rcl_interfaces.msg import Log
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import CameraInfo, Image
 
@@ -107,9 +108,13 @@ def test_a_pinhole_of_the_reference_sees_the_marks_there(
         CameraInfo, "/rectify_still/camera_info")
     words = [word for name, value in options.items() for word in ("-p", f"{name}:={value}")]
     with running(graph, "rectify_still.py", *words):
-        graph.speak(CameraInfo, "/camera_info").publish(lens(GROUND.size))
-        images = graph.speak(Image, "/image_raw")
+        cameras, images = graph.speak(CameraInfo, "/camera_info"), graph.speak(Image, "/image_raw")
         graph.until(lambda: graph.node.count_subscribers("/image_stabilized/camera_info"), "the consumer")
+        if not use_camera_info:  # else no image is taken before the calibration has come
+            said = graph.listen(Log, "/rosout")
+            images.publish(image_message(GROUND.taken(np.eye(3), np.zeros(3)), 0))
+            graph.until(lambda: any("is zero: the camera is not calibrated" in one.msg for one in said), "the reason")
+        cameras.publish(lens(GROUND.size))
         images.publish(image_message(GROUND.taken(np.eye(3), np.zeros(3)), 1))
         graph.until(lambda: len(pictures) == len(infos) == 1, "the reference, rectified")
         if use_camera_info:  # else its lens is still in the pictures, and a homography fits another pose but nearly

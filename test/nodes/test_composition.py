@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+import textwrap
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -14,8 +17,14 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from image_publisher import FRAMES, by_the_engine, shots
+from launch_files import ROOT
 from live_graph import Graph, image_message
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import CameraInfo, Image
+
+from stab_ros.nodes.tracker_node import TrackerNode
 
 PROGRAM = """
 import sys
@@ -87,3 +96,35 @@ def test_a_node_that_needs_a_process_of_its_own_says_so(graph: Graph, tmp_path: 
     with program(graph, "evaluator", log):
         graph.until(lambda: "start its executable instead" in log.read_text(), "the advice")
     assert log.read_text().count("start its executable instead") == 1
+
+
+@pytest.mark.thorough
+def test_a_tracker_leaves_a_running_executor_as_the_page_says(graph: Graph) -> None:
+    """With frames under way on several threads; nothing of it is left in the graph, and the others go on."""
+    (code,) = re.findall(r"```python\n( +def remove\(.*?)```", (ROOT / "docs" / "ros.md").read_text(), re.DOTALL)
+    program: dict[str, Any] = {"threading": threading}
+    exec(textwrap.dedent(code), program)
+    executor, own = MultiThreadedExecutor(3, context=graph.context), Node("own", context=graph.context)
+    answers: list[Any] = []
+    own.create_subscription(CameraInfo, "homography", answers.append, 100)
+    images = own.create_publisher(Image, "image_raw", 100)
+    executor.add_node(own)
+
+    def spin_until(condition: Callable[[], bool]) -> None:
+        while not condition():
+            executor.spin_once(timeout_sec=0.1)
+
+    for number in range(5):
+        tracker = TrackerNode(context=graph.context, node_name=f"tracker_{number}", use_global_arguments=False,
+                              parameter_overrides=[Parameter("start_s", value=0.0), Parameter("queue_depth", value=0)])
+        executor.add_node(tracker)
+        spin_until(lambda: images.get_subscription_count() == 1)
+        for shot in shots():
+            images.publish(image_message(shot.image, shot.stamp_ns))
+        answers.clear()
+        spin_until(lambda: len(answers) > 2)
+        program["remove"](executor, tracker, 3)
+        spin_until(lambda: images.get_subscription_count() == 0)
+        assert f"tracker_{number}" not in own.get_node_names()
+    executor.shutdown()
+    own.destroy_node()

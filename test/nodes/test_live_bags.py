@@ -145,13 +145,16 @@ def test_player_leaves_out_what_it_has_no_type_for(graph: Graph, tmp_path: Path)
     with BagWriter(bag) as writer:
         writer.add_topic(topic_of("/said", STRING))
         writer.add_topic(Topic("/odd", "nobody_msgs/msg/Odd", 0, "int32 odd"))
+        writer.add_topic(topic_of("/odd name", STRING))
         writer.write("/odd", 10**9, 10**9, bytes(8))
+        writer.write("/odd name", 10**9, 10**9, serialize_message(String(data="odd")))
         writer.write("/said", 10**9, 10**9, serialize_message(String(data="even")))
     heard = graph.listen(String, "/said")
     player = graph.start("bag_player_node", bag=str(bag), wait_for_subscribers=1)
     graph.until(lambda: heard, "the other topic")
     assert player.wait() == 0
     assert "/odd is left out: message type nobody_msgs/msg/Odd is not installed" in player.log
+    assert "/odd name is left out: '/odd name' is no name of a topic, it must be as /camera/image_raw" in player.log
 
 
 def test_recording_is_read_by_other_libraries(graph: Graph, tmp_path: Path) -> None:

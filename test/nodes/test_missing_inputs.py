@@ -84,3 +84,9 @@ def test_homographies_and_sensors_that_nobody_publishes_are_told(
         line = f"nobody publishes {topic}: frames wait for it up to 6 s (wait_s), then they go without"
         _until_said(graph, node, line)
         assert node.log.count(line) == 1
+    if kind == "velocimetry_node":
+        everywhere = "nobody publishes /cam/tracker_node/static_map: velocities are measured everywhere"
+        _until_said(graph, node, everywhere)
+        for _ in range(7):  # s, in which other warnings come again
+            messages.until("")
+        assert node.log.count("measured everywhere") == 1

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from stab_ros.core.errors import InputError
 from stab_ros.nodes.nested_lists import lists_as_text, with_lists_as_text
-from stab_ros.nodes.parameter_files import files_for_others, is_for
+from stab_ros.nodes.parameter_files import files_for_others, is_for, parameters_for_others
 
 NUMBERS = st.integers(-10**6, 10**6) | st.floats(-1e6, 1e6)
 NESTED = st.lists(st.lists(st.lists(NUMBERS, min_size=2, max_size=2), min_size=1, max_size=4), min_size=1, max_size=3)
@@ -88,3 +88,14 @@ def test_a_file_for_another_node_is_told(tmp_path: Path) -> None:
     assert list(files_for_others(words, "/cam/tracker_node")) == []
     (told,) = files_for_others(words, "/cam/stabiliser")
     assert "nothing of it applies, it is for /**/tracker_node, and this node is /cam/stabiliser" in told
+
+
+def test_words_for_another_node_are_told() -> None:
+    words = ["x", "-p", "a:b:=1", "--ros-args", "-p", "tracker_node:method:=klt", "--param", "bag:=/a:=b", "-p",
+             "a:=1:2", "--", "-p", "b:c:=1"]
+    assert list(parameters_for_others(words, "/pipeline_node", "/tracker_node")) == []
+    (told,) = parameters_for_others(words, "/stabiliser")
+    assert told == ("-p tracker_node:method:=klt: nothing of it applies, it is for /tracker_node, and this node is "
+                    "/stabiliser; leave tracker_node: out, or write stabiliser instead")
+    (told,) = parameters_for_others(words, "/cam/tracker_node")  # which rcl does not take it for
+    assert told.endswith("/cam/tracker_node; leave tracker_node: out, or name the node in a parameter file")

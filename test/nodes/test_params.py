@@ -79,6 +79,27 @@ def test_overrides_are_taken_and_judged(make_node: MakeNode) -> None:
         params.declare(make_node(image_transport=["raw"]), SETTINGS)
 
 
+def test_bools_of_every_node_are_judged_before_rclpy_takes_them(
+    make_node: MakeNode, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(ConfigError, match=r"^use_sim_time: 5 is a int, it must be a bool$"):
+        make_node(use_sim_time=5)
+    with pytest.raises(ConfigError, match=r"^use_sim_time: 'yes please' is a str, it must be a bool$"):
+        make_node(use_sim_time="yes please")
+    with pytest.raises(ConfigError, match=r"^start_type_description_service: \[True\] is a list, it must be a bool$"):
+        make_node(start_type_description_service=[True])
+    assert capfd.readouterr().err == ""
+    assert make_node(use_sim_time=True).get_parameter("use_sim_time").value
+
+
+@pytest.mark.parametrize("name", ["", "a b", "/a//b", "/1a", "a/", "{other}/a", "é", "a" * 300])
+def test_names_of_no_topic(make_node: MakeNode, name: str) -> None:
+    with pytest.raises(InputError, match=r"^.* is no name of a topic, it must be as /camera/image_raw: .*\w") as told:
+        params.topic_of(make_node(), name)
+    assert "\n" not in str(told.value)
+    assert params.topic_of(make_node(), "~/a") == "/node/a"
+
+
 @pytest.mark.parametrize(("value", "names"), [(["/a", "b"], ["/a", "b"]), ("/a", ["/a"]), (None, [])])
 def test_lists_of_names(make_node: MakeNode, value: list[str] | str | None, names: list[str]) -> None:
     node = make_node() if value is None else make_node(topics=value)

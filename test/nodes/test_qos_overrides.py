@@ -90,9 +90,17 @@ def test_what_nothing_uses_is_told_with_the_nearest_name(graph: Graph, tmp_path:
     config = file_of(tmp_path, {
         "/homografy": {"publisher": {"depth": 7}}, "/homography": {"publisher": {"dept": 7}, "publsher": {"depth": 7}},
     }, metod="klt")
-    tracker = graph.run("tracker_node", ["--ros-args", "--params-file", config, "-p", "exlude:=a.png"])
-    graph.until(lambda: "so far" in tracker.log, "the override of another topic")
+    tracker = graph.run("tracker_node", ["--ros-args", "--params-file", config, "-p", "exlude:=a.png",
+                                         "-p", "trackr_node:method:=klt", "-r", "trackr_node:image_raw:=/x",
+                                         "-r", "imge_raw:=/x", "-r", "/rosout:=/log", "-r", "velocity:=/v"])
+    graph.until(lambda: tracker.log.count("so far") == 2, "the override and the remapping of other topics")
     said = [line for line in tracker.log.splitlines() if "no effect" in line or "had no effect" in line]
+    assert "-p trackr_node:method:=klt: nothing of it applies, it is for /trackr_node, and this" in tracker.log
+    assert tracker.log.count("-r ") == 2
+    assert "-r trackr_node:image_raw:=/x: nothing of it applies, it is for a node trackr_node" in tracker.log
+    assert ("-r imge_raw:=/x has had no effect: there is no topic or service imge_raw of /tracker_node so far; did you "
+            "mean image_raw?") in tracker.log
+    said = [line for line in said if "parameter " in line]
     assert len(said) == 5
     for name, meant in [
         ("metod", "did you mean method or model?"), ("exlude", "did you mean exclude?"),

@@ -6,6 +6,7 @@ import ast
 import re
 import sys
 from collections.abc import Iterator
+from importlib.metadata import requires
 from pathlib import Path
 from typing import Any
 
@@ -130,6 +131,13 @@ def test_package_xml_and_setup_py_say_the_same(package: Package, setup_words: di
     assert (maintainer.name, maintainer.email) == (setup_words["maintainer"], setup_words["maintainer_email"])
     assert package.licenses == [setup_words["license"]]
     assert package.urls[0].url == setup_words["url"]
+
+
+@pytest.mark.parametrize(("module", "bringer"), [
+    ("apsw", "rosbags"), ("backports.zstd", "rosbags"), ("lz4", "rosbags"), ("lz4", "mcap"), ("zstandard", "mcap"),
+    ("markupsafe", "jinja2")])
+def test_what_has_no_key_is_brought_by_what_has_one(module: str, bringer: str) -> None:
+    assert module in distributions(requires(bringer) or [])
 
 
 def test_own_keys_are_used_and_have_a_rule_for_debian_and_ubuntu(package: Package) -> None:
