@@ -53,8 +53,8 @@ def dry_ground_doubts(section: CrossSection, vectors: Vectors, downstream: Float
     found = np.concatenate(moving)
     speed_m_s = float(np.median(np.abs(vectors.velocity_m_s[found] @ downstream)))
     return (f"{counted(len(found), 'vector')} of {speed_m_s:.2g} m/s (median) on ground that the section calls dry, "
-            f"up to {away_m[found].max():.2g} m from its water, so what flows there is missing: the water level is too low, the "
-            "section lies in the wrong place or ends too early, or a point of its bed is too high",)
+            f"up to {away_m[found].max():.2g} m from its water, so what flows there is missing: the water level is too "
+            "low, the section lies in the wrong place or ends too early, or a point of its bed is too high",)
 
 
 def _at_section(section: CrossSection, vectors: Vectors, width_m: float) -> tuple[BoolArray, FloatArray]:

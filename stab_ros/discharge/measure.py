@@ -81,9 +81,9 @@ def _check_wet(section: CrossSection, vectors: Vectors, wse_m: float) -> None:
 
 
 def _search_m(section: CrossSection, depth_m: FloatArray) -> float:
-    """Half the mean distance of the wet verticals."""
+    """Half the mean distance of the wet verticals; several in one place, as at a wall, are one."""
     width_m = float(wet_lengths_m(section.chainage_m, depth_m).sum())
-    return width_m / (2 * int((depth_m > 0).sum()))
+    return width_m / (2 * len(np.unique(section.chainage_m[depth_m > 0])))
 
 
 def _check_known(surface: SurfaceVelocities, search_m: float, config: DischargeConfig, feet: tuple[str, ...]) -> None:

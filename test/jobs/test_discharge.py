@@ -110,6 +110,30 @@ def test_every_kind_of_section_gives_one_discharge(velocity: Path, tmp_path: Pat
     assert q_of(tmp_path / "Q.json")["q_m3_s"] == pytest.approx(RIVER.discharge_m3_s(), rel=0.05)
 
 
+@pytest.mark.parametrize(("more", "says"), [
+    (LINE, "has places of its own, so --from and --to must not be given"),
+    (["--from-chainage", "5"], "--from-chainage is the chainage at --from")])
+def test_a_line_is_for_distances_alone(velocity: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+                                       more: list[str], says: str) -> None:
+    assert main(["discharge", str(velocity), str(survey(tmp_path / "S.csv")), "--wse", "10", *more]) == 2
+    assert says in capsys.readouterr().err
+
+
+def test_each_point_twice_is_the_same_discharge(velocity: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+                                                ) -> None:
+    once, twice = survey(tmp_path / "S.csv"), tmp_path / "T.csv"
+    header, *rows = once.read_text().splitlines()
+    twice.write_text("\n".join([header, *(row for row in rows for _ in range(2))]))
+    found = []
+    for path in (once, twice):
+        assert main(["discharge", str(velocity), str(path), "--wse", "10", "--json", str(tmp_path / f"{path.stem}.json")
+                     ]) == 0
+        figures = q_of(tmp_path / f"{path.stem}.json")
+        found.append((figures["q_m3_s"], figures["sigma_m3_s"], figures["search_m"]))
+    assert found[0] == found[1]
+    assert "27 rows repeat a point, which counts once" in capsys.readouterr().err
+
+
 def test_a_recording_with_its_water_level(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bag = recording(tmp_path / "v.mcap", [(90, WSE_M), (101, WSE_M + 0.01), (500, 99.0)])
     assert main(["discharge", str(bag), str(survey(tmp_path / "S.csv")), "--json", str(tmp_path / "Q.json")]) == 0
