@@ -21,6 +21,7 @@ from stab_ros.velocimetry.vectors import Vectors
 _BANK = 0.02  # of the wet width, from the waterline on, that is left to errors of places and to windows of vectors
 _BESIDE = 0.05  # of it, how far up- and downstream of the section vectors tell of its ground
 _BEYOND = 0.1  # of it, how far the dry ends of a section tell of the ground beyond them
+_EDGE_M = 1e-6  # a point of the bed that is no further from the water level was surveyed as the edge of the water
 _GROUP = 10  # vectors next to each other, of which most move or do not
 _MOVES = 0.1  # of the fastest water's speed; slower ones may lie on a bank that sways
 _SIGMAS = 3.0  # of the velocity of a moving group
@@ -43,7 +44,8 @@ def dry_ground_doubts(section: CrossSection, vectors: Vectors, downstream: Float
     highest_m = wse_m + _LEVEL_SIGMAS * float(np.hypot(config.wse_sigma_m, config.depth_sigma_m))
     width_m = float(wet_lengths_m(section.chainage_m, wse_m - section.bed_m).sum())
     near, chainage_m = _at_section(section, vectors, width_m)
-    ground = _Ground(section.chainage_m, highest_m - section.bed_m)
+    edges = np.abs(wse_m - section.bed_m) < _EDGE_M
+    ground = _Ground(section.chainage_m, np.where(edges, -_EDGE_M, highest_m - section.bed_m))
     away_m = ground.from_water_m(chainage_m)
     groups = _groups(ground.stretch(chainage_m), away_m, np.flatnonzero(near & (away_m > _BANK * width_m)))
     moving = [one for one in groups if len(one) >= config.min_vectors

@@ -71,6 +71,14 @@ def test_a_section_in_the_wrong_place_is_said(shift_m: float) -> None:
     assert said(measure(vectors(), short, WSE_M, QUICK))  # which ends on what it takes for the bank
 
 
+@pytest.mark.parametrize(("shift_m", "doubted"), [(-3.0, True), (0.0, False), (3.0, True)])
+def test_a_section_of_depths_whose_ends_are_the_edges_of_the_water(shift_m: float, doubted: bool) -> None:
+    """As of a tagline: nothing rises above the water, and the level tells nothing of its place."""
+    s = np.linspace(0.0, WIDTH_M, 21)
+    line = between(np.array([0.0, shift_m]), np.array([0.0, shift_m + 1]), s, WSE_M - parabola_m(s), 0.0)
+    assert bool(said(measure(vectors(), line, WSE_M, QUICK))) is doubted
+
+
 @pytest.mark.parametrize("islands_m", [[9.5, 10.0], [8.5, 9.0, 9.5, 10.0]])
 def test_a_bed_point_that_is_too_high_is_said(islands_m: list[float]) -> None:
     found = measure(vectors(), section(islands_m=np.array(islands_m)), WSE_M, QUICK)
