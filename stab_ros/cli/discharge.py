@@ -45,7 +45,7 @@ def _add_place(parser: argparse.ArgumentParser) -> None:
                         help="its standard deviation (default 0.02)")
     parser.add_argument("--from", dest="start", type=pair, metavar="X,Y", help="where a section by chainage starts")
     parser.add_argument("--to", dest="end", type=pair, metavar="X,Y", help="where it ends, or any place in its line")
-    parser.add_argument("--from-chainage", type=finite, default=0.0, metavar="M",
+    parser.add_argument("--from-chainage", type=finite, metavar="M",
                         help="chainage at --from (default 0)")
     parser.add_argument("--crs", metavar="EPSG:nnnn", help="reference system of the section's places and of --from and "
                         "--to (default: the metres of the map)")
@@ -125,7 +125,9 @@ def _job(options: argparse.Namespace) -> Any:
     given = {name: getattr(options, name) for name in _SETTINGS if getattr(options, name) is not None}
     if (options.start is None) != (options.end is None):
         raise InputError("--from and --to belong together; give both or none")
-    line = None if options.start is None else Line(options.start, options.end, options.from_chainage)
+    if options.start is None and options.from_chainage is not None:
+        raise InputError("--from-chainage is the chainage at --from; give --from and --to, too")
+    line = None if options.start is None else Line(options.start, options.end, options.from_chainage or 0.0)
     origin = None if options.origin is None else LocalFrame(options.origin[0], options.origin[1], 0.0)
     return DischargeJob(options.velocity, options.section, DischargeConfig(**given), options.wse_m, line,
                         options.heights, options.crs, origin, options.topic)

@@ -7,12 +7,14 @@ import numpy as np
 from stab_ros.core.text import counted
 from stab_ros.core.types import FloatArray
 from stab_ros.discharge.cross_section import CrossSection
+from stab_ros.discharge.integration import mid_section
 from stab_ros.discharge.result import Shares, Verticals
 from stab_ros.discharge.wetted import DRY
 
 _STRAYING = 0.05  # of the length, from which points beside the line are mentioned
 _FEW = 7  # verticals, from which they tell by themselves how rough the section is
 _MUCH = 0.3  # share of the discharge
+_PART, _FLOWS = 0.05, 0.2  # share of the area without vectors, which carries less than that part of its share
 _STEEP = 0.2  # relief of a bed over its width; more is rare in rivers
 _OBLIQUE = 0.36  # tangent of 20 degrees
 _DIFFERS_SIGMAS, _DIFFERS_M = 3.0, 0.05  # from which two water levels contradict each other
@@ -76,6 +78,7 @@ def coverage_doubts(table: Verticals, shares: Shares) -> list[str]:
         found.append(f"{shares.extrapolated:.0%} of the discharge is extrapolated beyond the measured verticals")
     if shares.interpolated > _MUCH:
         found.append(f"{shares.interpolated:.0%} of the discharge is interpolated between measured verticals")
+    found += _idle_area(table, shares)
     across, along = (float(np.nanmedian(values[table.measured])) for values in (table.surface_m_s, table.along_m_s))
     if abs(along) > _OBLIQUE * abs(across):
         angle = np.degrees(np.arctan2(abs(along), abs(across)))
@@ -86,6 +89,17 @@ def coverage_doubts(table: Verticals, shares: Shares) -> list[str]:
         where = counted(int(back.sum()), "vertical, which counts", "verticals, which count")
         found.append(f"the water flows upstream at {where} as negative")
     return found
+
+
+def _idle_area(table: Verticals, shares: Shares) -> list[str]:
+    """That the part without vectors carries next to nothing, as where no water is."""
+    area_m2 = mid_section(table.chainage_m, table.depth_m, np.ones_like(table.depth_m))
+    empty, carries = 1 - float(area_m2[table.measured].sum() / area_m2.sum()), 1 - shares.measured
+    if empty < _PART or carries >= _FLOWS * empty:
+        return []
+    return [f"{empty:.0%} of the wetted area has no vectors and carries {carries:.1%} of the discharge: the water next "
+            "to it is as good as still; where no water stands, the water level is too high, the section lies in the "
+            "wrong place, or the scale is wrong"]
 
 
 def _empty_halves(table: Verticals) -> list[str]:

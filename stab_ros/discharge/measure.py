@@ -8,6 +8,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.types import BoolArray, FloatArray
 from stab_ros.discharge.cross_section import CrossSection
 from stab_ros.discharge.doubts import coverage_doubts, section_doubts
+from stab_ros.discharge.dry_ground import dry_ground_doubts
 from stab_ros.discharge.filling import FILLINGS
 from stab_ros.discharge.filling_kriged import kriging_sigma_m_s
 from stab_ros.discharge.integration import INTEGRATIONS
@@ -80,9 +81,9 @@ def _check_wet(section: CrossSection, vectors: Vectors, wse_m: float) -> None:
 
 
 def _search_m(section: CrossSection, depth_m: FloatArray) -> float:
-    """Half the mean distance of the wet verticals."""
+    """Half the mean distance of the wet verticals; several in one place, as at a wall, are one."""
     width_m = float(wet_lengths_m(section.chainage_m, depth_m).sum())
-    return width_m / (2 * int((depth_m > 0).sum()))
+    return width_m / (2 * len(np.unique(section.chainage_m[depth_m > 0])))
 
 
 def _check_known(surface: SurfaceVelocities, search_m: float, config: DischargeConfig, feet: tuple[str, ...]) -> None:
@@ -116,14 +117,22 @@ def _with_uncertainty(table: Verticals, measured: Measured, surface: SurfaceVelo
     low, high = interval(drawn)
     used = _used(vectors, table, search_m)
     return Discharge(
-        q, float(drawn.std()), min(low, q), max(high, q), _shares(table), wse_m, area,
+        q, float(drawn.std()), min(low, q), max(high, q), _shares(table), _width_share(table), wse_m,
+        area,
         float(wet_lengths_m(table.chainage_m, table.depth_m).sum()), q / area,
         _ISO.relative_sigma(table.depth_m[wet], table.part_m3_s[wet], int(table.measured.sum()), systematic),
         relative_sigma(rough, table.depth_m[wet], config.alpha * table.surface_m_s[wet], table.part_m3_s[wet],
                        _ISO.width, systematic),
         by_source, drawn, table, search_m, surface.downstream, len(used), int(used.start_ns.min()),
-        int(used.end_ns.max()), (*section_doubts(section, table, wse_m), *in_feet(section, vectors, wse_m),
-                                 *coverage_doubts(table, _shares(table))))
+        int(used.end_ns.max()), _doubts(table, surface, section, vectors, wse_m, config))
+
+
+def _doubts(table: Verticals, surface: SurfaceVelocities, section: CrossSection, vectors: Vectors, wse_m: float,
+            config: DischargeConfig) -> tuple[str, ...]:
+    fastest_m_s = float(np.nanmax(np.abs(surface.velocity_m_s)))
+    dry = dry_ground_doubts(section, vectors, surface.downstream, fastest_m_s, wse_m, config)
+    return (*section_doubts(section, table, wse_m), *dry, *in_feet(section, vectors, wse_m),
+            *coverage_doubts(table, _shares(table)))
 
 
 def _filling_sigma_m_s(table: Verticals, measured: Measured, velocity_m_s: FloatArray, config: DischargeConfig
@@ -159,6 +168,13 @@ def _shares(table: Verticals) -> Shares:
     total = float(part.sum()) or 1.0
     measured, interpolated = (float(part[which].sum()) / total for which in (table.measured, between))
     return Shares(measured, interpolated, max(1.0 - measured - interpolated, 0.0))
+
+
+def _width_share(table: Verticals) -> float:
+    """Of the wet width, the part of measured verticals: half of the way to each wet neighbour, or all to a shore."""
+    wet_m = wet_lengths_m(table.chainage_m, table.depth_m)
+    ends, measured = (which[:-1].astype(int) + which[1:] for which in (table.wet, table.measured))
+    return float((wet_m * measured / np.maximum(ends, 1)).sum() / wet_m.sum())
 
 
 def _between(table: Verticals) -> BoolArray:

@@ -69,6 +69,7 @@ class Discharge:
         low_m3_s: lower bound of the interval in which it lies with 95 %.
         high_m3_s: upper bound.
         shares: of it, measured and filled.
+        measured_width_share: share of the width of the water surface that belongs to verticals with vectors.
         wse_m: water surface elevation.
         area_m2: wetted area.
         width_m: width of the water surface.
@@ -91,6 +92,7 @@ class Discharge:
     low_m3_s: float
     high_m3_s: float
     shares: Shares
+    measured_width_share: float
     wse_m: float
     area_m2: float
     width_m: float

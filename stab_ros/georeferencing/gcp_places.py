@@ -17,14 +17,12 @@ from stab_ros.georeferencing.local_frame import (
     area_doubt,
     crs_doubt,
     is_projected,
-    metres_per_unit,
 )
-from stab_ros.georeferencing.unit_checks import FOOT_M
+from stab_ros.georeferencing.survey_units import unit_in
 
 WGS84 = "EPSG:4326"
 _LIKE_A_GRID = 20_000.0  # coordinates above it are those of a projected system
 _LIKE_DEGREES = 0.02  # extent below which coordinates are no metres; in degrees it is about 2 km
-_FEET_APART = 1e-5  # the relative difference between the feet of surveys
 _AWAY = 5.0  # from 0, in extents, where degrees are and a model on a table is not
 
 
@@ -86,7 +84,7 @@ def placed(names: tuple[str, ...], image_px: FloatArray, places: FloatArray, crs
         raise InputError(f"{name} has eastings and northings, and the points latitudes and longitudes, whose reference "
                          f"system must be {WGS84} or another with degrees")
     heights = np.where(np.isfinite(places[:, 2]), places[:, 2], 0.0 if level_m is None else level_m)
-    unit, said = _unit_of(name, unit_m)
+    unit, said = unit_in(name, unit_m, "control points")
     full = np.column_stack([places[:, :2] / unit, heights])
     doubts = [*said, *_doubts(name, full)]
     if level_m is None and not np.isfinite(places[:, 2]).all():
@@ -100,19 +98,6 @@ def placed(names: tuple[str, ...], image_px: FloatArray, places: FloatArray, crs
     beside = area_doubt(name, frame.to_geodetic(points.map_m.mean(axis=0)[None])[0])
     doubts += [beside] if beside else []
     return PlacedPoints(points, name, frame, tuple(doubts))
-
-
-def _unit_of(crs: str, unit_m: float | None) -> tuple[float, list[str]]:
-    """By what to divide eastings and northings for those of the system, and what to say of it.
-
-    A foot that is not named more closely is that of the system, where this is one: 2 ppm are metres a long way from 0.
-    """
-    if unit_m is None:
-        return 1.0, []
-    of_crs = metres_per_unit(crs)
-    if unit_m != FOOT_M or of_crs == unit_m or abs(of_crs / unit_m - 1) > _FEET_APART:
-        return of_crs, []
-    return unit_m, [f"the feet of the control points are taken for those of {crs}, of {of_crs:.9f} m"]
 
 
 def _frame_amid(crs: str, places: FloatArray) -> LocalFrame:

@@ -13,8 +13,8 @@ from stab_ros.io.cdr import Header
 from stab_ros.io.diagnostics_message import OK, WARN, status_cdr
 
 _SOURCES = ("alpha", "water level", "bed", "vectors", "shared", "filling", "verticals")
-_FIGURES = ("q_m3_s", "sigma_m3_s", "low_m3_s", "high_m3_s", "wse_m", "area_m2", "width_m", "mean_m_s", "iso_sigma",
-            "ive_sigma", "search_m")
+_FIGURES = ("q_m3_s", "sigma_m3_s", "low_m3_s", "high_m3_s", "measured_width_share", "wse_m", "area_m2", "width_m",
+            "mean_m_s", "iso_sigma", "ive_sigma", "search_m")
 _SHARES = ("measured", "interpolated", "extrapolated")
 _COUNTS = ("vectors", "verticals", "verticals_measured", "start_ns", "end_ns")
 _KEYS = (*_FIGURES, *(f"{name}_share" for name in _SHARES), *(f"sigma_{name.replace(' ', '_')}_m3_s"
@@ -35,7 +35,8 @@ def discharge_text(reading: Reading) -> str:
         return f"no discharge: {reading.reason}"
     shares = found.shares
     return (f"{found.q_m3_s:.4g} m3/s, with 95 % between {found.low_m3_s:.4g} and {found.high_m3_s:.4g}, measured "
-            f"{shares.measured:.0%}, interpolated {shares.interpolated:.0%}, extrapolated {shares.extrapolated:.0%}")
+            f"{shares.measured:.0%}, interpolated {shares.interpolated:.0%}, extrapolated {shares.extrapolated:.0%}, "
+            f"vectors over {found.measured_width_share:.0%} of the width")
 
 
 def discharge_values(reading: Reading) -> dict[str, str]:

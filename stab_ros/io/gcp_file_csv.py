@@ -12,6 +12,7 @@ import numpy as np
 from stab_ros.core.errors import InputError
 from stab_ros.core.text import counted, one_line
 from stab_ros.io.gcp_file_table import FORM, MOST_POINTS, Column, GcpTable, column_of
+from stab_ros.io.length_units import check_units
 from stab_ros.io.typed_table import COMMA_ADVICE, Row, cells_of, finite_at, number_in, separator_of
 
 _KLT_IV_COLUMNS = ("east", "north", "up", "px", "py")
@@ -102,7 +103,7 @@ def _table(path: Path, columns: Sequence[Column], rows: list[Row], separator: st
     if not points:
         raise InputError(f"{path}: holds no point; below the first line there must be at least one")
     used = [columns[at[what]] for what in wanted]
-    _check_units(path, *used[2:])
+    check_units(path, used[2:4], used[4] if "up" in at else None)
     numbers = np.array([values for _, values in points]) * [column.metres for column in used]
     places = numbers[:, 2:] if "up" in at else np.column_stack([numbers[:, 2:], np.full(len(points), np.nan)])
     named = at.get("name")
@@ -124,16 +125,6 @@ def _separator_of_numbers(path: Path, rows: list[Row], at: Sequence[int], separa
         raise InputError(f"{path}: line {thousand[0]}: {thousand[1]!r} may be a thousand or, as {decimal[:40]!r}, have "
                          "a decimal comma; numbers must have decimal points and no other commas")
     return _DECIMAL_COMMAS
-
-
-def _check_units(path: Path, east: Column, north: Column, up: Column | None = None) -> None:
-    """Raises InputError where a column names no unit and that of another one leaves open which it is."""
-    first, second = one_line(east.header), one_line(north.header)
-    if east.metres != north.metres or bool(east.unit) != bool(north.unit):
-        raise InputError(f"{path}: the columns {first} and {second} must be in one unit, which both or neither "
-                         "must name")
-    if up is not None and east.metres != 1 and not up.unit:
-        raise InputError(f"{path}: the column {one_line(up.header)} must name its unit, as {first} does")
 
 
 def _converted(columns: Sequence[Column]) -> tuple[str, ...]:

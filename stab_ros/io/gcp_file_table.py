@@ -9,7 +9,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.text import one_line
 from stab_ros.core.types import FloatArray
 from stab_ros.io.column_qualifiers import Qualifier, qualifier_of
-from stab_ros.io.length_units import LENGTHS_TEXT, metres_of
+from stab_ros.io.length_units import LENGTH_PATTERN, LENGTHS_TEXT, metres_of
 
 FORM = "name,x,y,X,Y,Z (pixels, then east, north, up), or name,x,y,lat,lon,height"
 MOST_POINTS = 10_000
@@ -24,9 +24,7 @@ _PLACES = {  # header, in small letters and without units: what it holds
     "lat": "lat", "latitude": "lat", "lon": "lon", "lng": "lon", "long": "lon", "longitude": "lon", "longtitude": "lon",
 }
 _UNIT = re.compile(r"(.*?)[ _]*(?:[\[(] *(.*?) *[\])]|(?<=[ _])"
-                   r"(px|pix|pixels?|deg|degrees?|m|meters?|metres?|cm|mm|km|"
-                   r"(?:us[ _-]?)?(?:survey[ _-]?)?(?:ft|feet|foot)(?:[ _-]?us)?(?:[ _-]?survey)?))?",
-                   re.DOTALL | re.IGNORECASE)
+                   rf"(px|pix|pixels?|deg|degrees?|{LENGTH_PATTERN}))?", re.DOTALL | re.IGNORECASE)
 _CASED = {"x": "px", "y": "py", "X": "east", "Y": "north", "Z": "up"}
 _IN_PIXELS, _IN_LENGTHS = {"x": "px", "y": "py"}, {"x": "east", "y": "north", "z": "up"}
 _LONGEST = 100  # header, where longer ones have no meaning

@@ -12,7 +12,8 @@ import numpy as np
 from stab_ros.core.errors import InputError
 from stab_ros.core.text import counted, one_line
 from stab_ros.core.types import FloatArray
-from stab_ros.io.length_units import LENGTHS
+from stab_ros.io.column_qualifiers import qualifier_of
+from stab_ros.io.length_units import LENGTH_PATTERN, LENGTHS, LENGTHS_TEXT, check_units, metres_of
 from stab_ros.io.text_file import read_text
 from stab_ros.io.typed_table import COMMA_ADVICE, Row, cells_of, finite_at, number_in, separator_of
 
@@ -31,10 +32,9 @@ _MEANINGS = {  # header in small letters, without its unit: what the column hold
     **dict.fromkeys(("lat", "latitude", "lon", "lng", "longitude"), "geographic"),
 }
 _HEIGHTS: tuple[Heights, ...] = ("elevation", "depth", "unknown")
-_UNIT = re.compile(r"(.*?)[ _]*(?:[\[(] ?(.*?) ?[\])]|(?<=[ _])(m|ft|feet|foot|metres|meters|cm|mm))?", re.DOTALL)
-_METRIC = ("m", "metre", "metres", "meter", "meters", "cm", "mm")
-_FEET = ("ft", "feet", "foot", "ftus", "us survey feet")
-_IN_METRES = {"": 1.0, **{unit: LENGTHS[unit] for unit in _METRIC + _FEET}}
+_UNIT = re.compile(rf"(.*?)[ _]*(?:[\[(] *(.*?) *[\])]|(?<=[ _])({LENGTH_PATTERN}))?", re.DOTALL | re.IGNORECASE)
+_LONGEST = 100  # header, where longer ones have no meaning
+_FEET = {LENGTHS["ft"], LENGTHS["us ft"]}  # in metres
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +42,13 @@ class SectionTable:
     """What a file says of a cross-section, in metres.
 
     Attributes:
-        position_m: (N, 2), east and north; None: the file has distances along the section.
+        position_m: (N, 2), east and north, metres where the file names a unit, else in that of the reference system;
+            None: the file has distances along the section.
         chainage_m: (N,); None: the file has places.
         height_m: (N,), as `heights` says.
         heights: elevations of the bed, depths of the water, or "unknown" where the header does not tell.
         remarks: how it was read, where that is not plain: one line each.
+        unit_m: metres of the unit that the file names for places, which are metres here; None: it names none.
     """
 
     position_m: FloatArray | None
@@ -54,15 +56,17 @@ class SectionTable:
     height_m: FloatArray
     heights: Heights
     remarks: tuple[str, ...] = ()
+    unit_m: float | None = None
 
 
 @dataclass(frozen=True)
 class _Column:
-    """meaning: one of _MEANINGS; "": none. metres: of one unit."""
+    """meaning: one of _MEANINGS; "": none. metres: of one unit. unit: as named; "": none is. header: as written."""
 
     meaning: str
     metres: float
-    named: str
+    unit: str
+    header: str
 
 
 def read_section(path: Path) -> SectionTable:
@@ -96,7 +100,7 @@ def _columns(path: Path, rows: list[Row], separator: str) -> tuple[list[_Column]
         names = {2: ("chainage", "unknown"), 3: ("east", "north", "unknown")}.get(len(first))
         if names is None:
             raise InputError(f"{path}: {counted(len(first), 'column')} without a header, the first line must be {FORM}")
-        return [_Column(name, 1.0, name) for name in names], rows
+        return [_Column(name, 1.0, "", name) for name in names], rows
     columns = [_column(path, cell) for cell in first]
     known = [column.meaning for column in columns if column.meaning]
     found = one_line(separator.join(first))[:120]
@@ -105,7 +109,7 @@ def _columns(path: Path, rows: list[Row], separator: str) -> tuple[list[_Column]
                          "map, or have chainages")
     for group in (("east",), ("north",), ("chainage",), _HEIGHTS):
         if sum(name in group for name in known) > 1:
-            named = " and ".join(one_line(column.named) for column in columns if column.meaning in group)
+            named = " and ".join(one_line(column.header) for column in columns if column.meaning in group)
             raise InputError(f"{path}: {named} are two columns for one thing, the first line must be {FORM}")
     if not ({"east", "north"} <= set(known) or "chainage" in known) or not set(_HEIGHTS) & set(known):
         raise InputError(f"{path}: no columns of a cross-section in {found!r}, the first line must be {FORM}")
@@ -113,14 +117,19 @@ def _columns(path: Path, rows: list[Row], separator: str) -> tuple[list[_Column]
 
 
 def _column(path: Path, header: str) -> _Column:
-    parts = _UNIT.fullmatch(" ".join(header.split()).strip('" '))
-    bare, unit = (parts[1], parts[2] or parts[3] or "") if parts else (header, "")
+    text = " ".join(header.split()).strip('" ')
+    parts = _UNIT.fullmatch(text) if len(text) < _LONGEST else None
+    bare, beside = (parts[1], qualifier_of(parts[2] or parts[3] or "")) if parts else (text, qualifier_of(""))
     meaning = _MEANINGS.get(bare.lower().strip().replace(" ", "_"), "")
-    metres = _IN_METRES.get(unit.lower().strip("."))
-    if meaning and metres is None:
-        raise InputError(f"{path}: the column {one_line(header)[:60]!r} is in a unit that is not known, it must be m, "
-                         "cm, mm or ft")
-    return _Column(meaning, metres or 1.0, header)
+    if not meaning:
+        return _Column("", 1.0, "", header)
+    if beside.axis and beside.axis != {"elevation": "up"}.get(meaning, meaning):
+        raise InputError(f"{path}: the column {one_line(header)[:60]!r} is named for two axes, it must be for one")
+    metres = metres_of(beside.unit) if beside.unit else 1.0
+    if metres is None:
+        raise InputError(f"{path}: the column {one_line(header)[:60]!r} is in a unit that is not known, it must be "
+                         f"{LENGTHS_TEXT}")
+    return _Column(meaning, metres, beside.unit, header)
 
 
 def _table(path: Path, columns: list[_Column], rows: list[Row], separator: str) -> SectionTable:
@@ -131,15 +140,27 @@ def _table(path: Path, columns: list[_Column], rows: list[Row], separator: str) 
     values = [[_cell(path, n, row, i, separator, len(columns)) * columns[i].metres for i in wanted] for n, row in rows]
     if not values:
         raise InputError(f"{path}: holds no point; below the first line there must be at least three")
-    numbers = np.array(values)
-    place = numbers[:, :-1]
-    chained = places == ["chainage"]
+    used = [columns[i] for i in wanted]
+    check_units(path, used[:-1], used[-1])
+    numbers, repeated = _once(np.array(values))
+    place, chained = numbers[:, :-1], places == ["chainage"]
     return SectionTable(None if chained else place, place[:, 0] if chained else None, numbers[:, -1], heights,
-                        _remarks(path, [columns[i] for i in wanted]))
+                        (*_remarks(path, used), *_said(path, repeated)), used[0].metres if used[0].unit else None)
+
+
+def _once(points: FloatArray) -> tuple[FloatArray, int]:
+    """Points (N, d) without those that stand further above in all digits, and how many these are."""
+    _, first = np.unique(points, axis=0, return_index=True)
+    return points[np.sort(first)], len(points) - len(first)
+
+
+def _said(path: Path, repeated: int) -> tuple[str, ...]:
+    rows = counted(repeated, "row repeats", "rows repeat")
+    return (f"{path}: {rows} a point, which counts once",) if repeated else ()
 
 
 def _remarks(path: Path, columns: list[_Column]) -> tuple[str, ...]:
-    feet = [one_line(column.named) for column in columns if column.metres in {LENGTHS[unit] for unit in _FEET}]
+    feet = [one_line(column.header) for column in columns if column.metres in _FEET]
     return (f"{path}: {', '.join(feet)} read as feet, and made metres",) if feet else ()
 
 

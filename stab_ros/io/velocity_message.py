@@ -1,9 +1,10 @@
 """The velocities of an interval as a PointCloud2 in the map, in double precision.
 
-x and y are where a vector begins, z is the water surface; `end_offset_s` is the time of its end less the stamp of the
-header. `var_vx`, `cov_vxvy` and `var_vy` are of its own error, `shared_vx_0`, `shared_vy_0`, ... its changes by one
-standard deviation of each error that all vectors share, as in `V.csv`. Without georeference x and y are pixels of the
-reference and velocities px/s.
+x and y are where a vector begins, z is the water surface; `scale_wse` is the water surface elevation whose scale they
+have, NaN where the scale is given for the picture; `end_offset_s` is the time of its end less the stamp of the header.
+`var_vx`, `cov_vxvy` and `var_vy` are of its own error, `shared_vx_0`, `shared_vy_0`, ... its changes by one standard
+deviation of each error that all vectors share, as in `V.csv`. Without georeference x and y are pixels of the reference
+and velocities px/s.
 """
 
 from __future__ import annotations
@@ -16,16 +17,25 @@ from stab_ros.io.point_cloud import Table, cloud_cdr, read_cloud
 from stab_ros.velocimetry.vectors import Unit, Vectors
 
 _REAL = ("x", "y", "z", "vx", "vy", "var_vx", "var_vy", "cov_vxvy", "dt", "end_offset_s")
+_SCALE = "scale_wse"  # older recordings lack it
 _ID = "track_id"  # modulo 2^32: no field of a cloud has more bits
 
 
-def velocity_cdr(vectors: Vectors, wse_m: float, header: Header) -> bytes:
-    """The message of the vectors. wse_m: water surface elevation in the map."""
+def velocity_cdr(vectors: Vectors, wse_m: float, header: Header, scale_wse_m: float | None = None) -> bytes:
+    """The message of the vectors.
+
+    Args:
+        vectors: in the map, or in pixels.
+        wse_m: water surface elevation in the map.
+        header: stamp and frame.
+        scale_wse_m: that whose scale the vectors have; NaN: that of none. None: `wse_m`.
+    """
     shared = [f"shared_{v}_{k}" for k in range(vectors.shared.shape[2]) for v in ("vx", "vy")]
-    table = np.zeros(len(vectors), [*((name, "<f8") for name in _REAL), (_ID, "<u4"), *((s, "<f8") for s in shared)])
+    real = [(name, "<f8") for name in (*_REAL, _SCALE)]
+    table = np.zeros(len(vectors), [*real, (_ID, "<u4"), *((s, "<f8") for s in shared)])
     (table["x"], table["y"]), (table["vx"], table["vy"]) = vectors.start_m.T, vectors.velocity_m_s.T
     own = vectors.covariance
-    table["z"], table["dt"] = wse_m, vectors.dt_s
+    table["z"], table["dt"], table[_SCALE] = wse_m, vectors.dt_s, wse_m if scale_wse_m is None else scale_wse_m
     table["var_vx"], table["var_vy"], table["cov_vxvy"] = own[:, 0, 0], own[:, 1, 1], own[:, 0, 1]
     table["end_offset_s"] = (vectors.end_ns - header.stamp_ns) / SECOND_NS
     table[_ID] = vectors.track_id % 2**32
@@ -51,15 +61,19 @@ def read_velocity(cdr: bytes | memoryview, unit: Unit = "m") -> tuple[Header, Ve
 
 
 def read_surface(cdr: bytes | memoryview) -> float | None:
-    """The water surface elevation on which the vectors of a message lie; None without vectors.
+    """The water surface elevation whose scale the vectors of a message have; None without vectors, or for none.
+
+    A message without `scale_wse` has that of z; a z of 0 there may be one that nobody told, so it tells nothing.
 
     Raises:
         MessageError: damaged, or a cloud of something else.
     """
     _, table = read_cloud(cdr)
-    if "z" not in (table.dtype.names or ()):
+    names = table.dtype.names or ()
+    if "z" not in names:
         raise MessageError("a PointCloud2 without the field z, it must be a velocity of velocimetry_node")
-    heights = table["z"][np.isfinite(table["z"])]
+    heights = table[_SCALE] if _SCALE in names else table["z"][table["z"] != 0]
+    heights = heights[np.isfinite(heights)]
     return float(np.median(heights)) if len(heights) else None
 
 

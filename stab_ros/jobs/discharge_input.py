@@ -14,6 +14,7 @@ from stab_ros.core.types import FloatArray
 from stab_ros.discharge.cross_section import CrossSection, between, referenced
 from stab_ros.discharge.doubts import looks_like_elevations
 from stab_ros.georeferencing.local_frame import LocalFrame
+from stab_ros.georeferencing.survey_units import unit_in
 from stab_ros.io.bag import BagReader, Message, Topic, open_bag
 from stab_ros.io.cdr import NAV_SAT_FIX, POINT_CLOUD2
 from stab_ros.io.fix_message import read_fix
@@ -157,7 +158,7 @@ def in_map(table: SectionTable, line: Line | None, crs: str, origin: LocalFrame 
 
     Args:
         table: as the file says.
-        line: of a section by distances, in the same system.
+        line: of a section by distances, in the same system and its unit.
         crs: "EPSG:nnnn".
         origin: of the map.
 
@@ -171,11 +172,12 @@ def in_map(table: SectionTable, line: Line | None, crs: str, origin: LocalFrame 
         full = np.column_stack([places, np.full(len(places), origin.height_m)])
         return origin.from_crs(crs, full)[:, :2]
 
-    placed = None if table.position_m is None else mapped(table.position_m)
+    unit, said = (1.0, []) if table.position_m is None else unit_in(crs, table.unit_m, "section")
+    placed = None if table.position_m is None else mapped(table.position_m / unit)
     if line is not None:
         start, end = mapped(np.array([line.start_m, line.end_m])).tolist()
         line = Line((start[0], start[1]), (end[0], end[1]), line.start_chainage_m)
-    return replace(table, position_m=placed), line
+    return replace(table, position_m=placed, remarks=(*table.remarks, *said)), line
 
 
 def section_of(path: Path, table: SectionTable, line: Line | None, heights: Heights | None, wse_m: float | None
@@ -213,6 +215,9 @@ def section_of(path: Path, table: SectionTable, line: Line | None, heights: Heig
 
 
 def _placed(path: Path, table: SectionTable, line: Line | None, bed_m: FloatArray) -> CrossSection:
+    if table.position_m is not None and line is not None:
+        raise InputError("has places of its own, so --from and --to must not be given: they are for distances along a "
+                         "line")
     if table.position_m is not None:
         return referenced(table.position_m, bed_m)
     if line is None or table.chainage_m is None:

@@ -44,7 +44,8 @@ def _figures(found: Discharge) -> Json:
         "q_m3_s": found.q_m3_s, "sigma_m3_s": found.sigma_m3_s, "low_m3_s": found.low_m3_s,
         "high_m3_s": found.high_m3_s,
         "measured_share": found.shares.measured, "interpolated_share": found.shares.interpolated,
-        "extrapolated_share": found.shares.extrapolated, "wse_m": found.wse_m, "area_m2": found.area_m2,
+        "extrapolated_share": found.shares.extrapolated, "measured_width_share": found.measured_width_share,
+        "wse_m": found.wse_m, "area_m2": found.area_m2,
         "width_m": found.width_m, "mean_m_s": found.mean_m_s, "iso_sigma": _finite(found.iso_sigma),
         "ive_sigma": _finite(found.ive_sigma), "search_m": found.search_m, "vectors": found.vectors,
         "downstream": found.downstream.tolist(), "start_ns": found.start_ns, "end_ns": found.end_ns}

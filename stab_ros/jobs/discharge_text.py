@@ -39,8 +39,9 @@ def _headline(found: Discharge) -> str:
 def _shares(found: Discharge) -> str:
     shares, table = found.shares, found.verticals
     return (f"measured {shares.measured:.1%}, interpolated {shares.interpolated:.1%}, extrapolated "
-            f"{shares.extrapolated:.1%} of it; vectors at {int(table.measured.sum())} of "
-            f"{counted(int(table.wet.sum()), 'vertical')}, {found.vectors} within {found.search_m:.3g} m")
+            f"{shares.extrapolated:.1%} of it; vectors over {found.measured_width_share:.1%} of the width, at "
+            f"{int(table.measured.sum())} of {counted(int(table.wet.sum()), 'vertical')}, {found.vectors} within "
+            f"{found.search_m:.3g} m")
 
 
 def _sources(found: Discharge) -> str:

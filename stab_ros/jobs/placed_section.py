@@ -49,6 +49,9 @@ def placed_section(given: Mapping[str, Value]) -> tuple[CrossSection, tuple[str,
 
 def _line(values: Mapping[str, Value], path: Path, table: SectionTable) -> Line | None:
     text = str(values["section_line"])
+    if table.position_m is not None and (text.strip() or values["section_start_m"]):
+        raise ConfigError(f"section_line: {path} has places of its own, section_line and section_start_m must not be "
+                          "given: they are for distances along a line")
     if text.strip():
         x1, y1, x2, y2 = numbers_of("section_line", text, 4)
         return Line((x1, y1), (x2, y2), float(values["section_start_m"]))

@@ -59,7 +59,7 @@ class VelocityMessages:
     def of(self, measured: Measured) -> IntervalMessages:
         """The messages of the next interval."""
         grid, header = self.grid_of(measured), velocity_header(measured)
-        return IntervalMessages(velocity_cdr(measured.vectors, measured.wse_m, header),
+        return IntervalMessages(velocity_cdr(measured.vectors, measured.wse_m, header, measured.scale_wse_m),
                                 velocity_grid_cdr(grid, measured.wse_m, header), self._arrows(grid, measured, header))
 
     def _arrows(self, grid: VelocityGrid, measured: Measured, header: Header) -> bytes:

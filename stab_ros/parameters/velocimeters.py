@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -41,6 +42,7 @@ from stab_ros.velocimetry.velocimeter import MakeMethod, Velocimeter
 
 _PLACES = ("orientation", "gcps_file", "height_m", "known_distance", "gsd_m")  # any of them tells of metres
 _SCALES = ("gsd_m", "known_distance", "height_m")  # of a nadir reference
+_SCALED_VIEWS = ("stationary_nadir", "dynamic_stabilization")  # whose scale is not that of a water level
 GROUND = 128  # of a static map
 _BANK_FEATURES = 300  # at most: they only check
 
@@ -133,7 +135,8 @@ def make_velocimeter(values: Mapping[str, Value], stream: Stream, ground: Static
             wanted &= off_ground(left_out.picture() >= GROUND, block_px)
         return wanted
 
-    return Velocimeter(stream, make_method, allowed)
+    level_scales = stream_config(values).orientation not in _SCALED_VIEWS
+    return Velocimeter(replace(stream, level_scales=level_scales), make_method, allowed)
 
 
 def takes_map(values: Mapping[str, Value]) -> bool:

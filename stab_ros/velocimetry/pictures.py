@@ -30,6 +30,7 @@ class Stream:
             None: images are as taken.
         camera: whose lens distortion the images have; None: they have none.
         orthophoto: None: velocities are measured in the images as they come.
+        level_scales: whether the scale is that of a water surface elevation; not so where it is given for the picture.
     """
 
     unit: Unit = "m"
@@ -37,6 +38,7 @@ class Stream:
     image_H_ref: Homography | None = None
     camera: Camera | None = None
     orthophoto: Orthophoto | None = None
+    level_scales: bool = True
 
 
 class Pictures:

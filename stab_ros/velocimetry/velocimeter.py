@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -38,6 +39,7 @@ class Measured:
         wse_m: water surface elevation at that frame.
         zone: of the reference.
         dropped: how many vectors were dropped, by reason, wherever they lay.
+        scale_wse_m: water surface elevation whose scale they have; NaN: they have that of none.
     """
 
     frame: Frame
@@ -47,6 +49,7 @@ class Measured:
     wse_m: float
     zone: Zone
     dropped: Mapping[str, int] = field(default_factory=dict)
+    scale_wse_m: float = math.nan
 
 
 class Velocimeter:
@@ -143,7 +146,11 @@ class Velocimeter:
         answer, placed = self._last
         stamp_ns = int(vectors.end_ns.max(initial=0)) or placed.stamp_ns
         return [Measured(answer.frame, placed, stamp_ns, vectors[wanted], answer.wse_m, self._zone,
-                         self._method.dropped)]
+                         self._method.dropped, self._scale_wse_m(answer))]
+
+    def _scale_wse_m(self, answer: Georeferenced) -> float:
+        """Where the scale is given, a level of 0 is that of the settings, which nobody told."""
+        return answer.wse_m if self._stream.level_scales or answer.wse_m else math.nan
 
     def _inside(self, places: FloatArray, stamps_ns: IdArray) -> BoolArray:
         """(N,) bool: which places the frames as taken show, off their borders, which orthophotos show as edges."""

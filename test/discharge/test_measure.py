@@ -129,6 +129,16 @@ def test_still_water_is_measured_to_flow_nowhere() -> None:
     assert found.low_m3_s < 0 < found.high_m3_s
 
 
+def test_a_wall_with_its_foot_and_its_top_in_one_place_counts_once_for_the_search_distance() -> None:
+    s = np.concatenate([[-1.0, 0.0], np.arange(0.0, 20.5, 1.0), [20.0, 21.0]])
+    bed = np.concatenate([[WSE_M + 1, WSE_M + 1], np.full(21, WSE_M - 1.5), [WSE_M + 1, WSE_M + 1]])
+    river = River(lambda s: 0 * s + 1.0, lambda s: 0 * s + 1.5)
+    stepped = between(np.zeros(2), np.array([0.0, 1.0]), np.insert(s, 5, s[5]), np.insert(bed, 5, bed[5] + 0.5))
+    plain, doubled = of(river, section=between(np.zeros(2), np.array([0.0, 1.0]), s, bed)), of(river, section=stepped)
+    assert doubled.search_m == plain.search_m == pytest.approx(20 / 42)
+    assert plain.q_m3_s == pytest.approx(river.discharge_m3_s(), rel=0.02)
+
+
 def test_an_island_makes_two_channels() -> None:
     def depth(s: np.ndarray) -> np.ndarray:
         return np.asarray(parabola_m(s) - 2.0 * np.exp(-(((s - 8) / 1.5) ** 2)))

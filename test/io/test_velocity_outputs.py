@@ -19,7 +19,7 @@ from stab_ros.io.cdr import Header
 from stab_ros.io.point_cloud import cloud_cdr, read_cloud
 from stab_ros.io.velocity_geojson import write_tracks
 from stab_ros.io.velocity_grid_netcdf import TimedGrid, write_grid_netcdf
-from stab_ros.io.velocity_message import read_velocity, velocity_cdr
+from stab_ros.io.velocity_message import read_surface, read_velocity, velocity_cdr
 from stab_ros.io.velocity_netcdf import write_netcdf
 from stab_ros.velocimetry.grid import on_grid
 from stab_ros.velocimetry.vectors import Vectors
@@ -46,6 +46,18 @@ def test_ros_reads_the_fields() -> None:
     offset = message.fields[names.index("vx")].offset
     vx = [np.frombuffer(bytes(message.data), "<f8", 1, row * message.point_step + offset)[0] for row in range(5)]
     np.testing.assert_array_equal(vx, vectors.velocity_m_s[:, 0])
+
+
+def test_the_level_whose_scale_the_vectors_have() -> None:
+    assert read_surface(velocity_cdr(random_vectors(2), 12.5, _HEADER)) == 12.5
+    assert read_surface(velocity_cdr(random_vectors(2), 0.0, _HEADER)) == 0.0
+    assert read_surface(velocity_cdr(random_vectors(2), 0.0, _HEADER, np.nan)) is None
+    assert read_surface(velocity_cdr(random_vectors(0), 12.5, _HEADER)) is None
+
+
+@pytest.mark.parametrize(("z_m", "surface_m"), [(12.5, 12.5), (0.0, None)])
+def test_older_messages_have_the_scale_of_their_surface_where_it_was_told(z_m: float, surface_m: float | None) -> None:
+    assert read_surface(cloud_cdr(np.full(3, z_m, [("z", "<f8")]), _HEADER)) == surface_m
 
 
 def test_no_vectors_are_a_message_too() -> None:

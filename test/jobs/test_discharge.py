@@ -42,8 +42,9 @@ def survey(path: Path, header: str = "X,Y,Z", depths: bool = False) -> Path:
 
 
 def recording(path: Path, levels: list[tuple[int, float]], frame_id: str = "map", origin: LocalFrame | None = None,
-              others: tuple[LocalFrame, ...] = (), first_s: int = 100) -> Path:
-    """Velocities of three seconds and water levels, as a node records them."""
+              others: tuple[LocalFrame, ...] = (), first_s: int = 100,
+              surface_m: tuple[float, float] = (WSE_M, WSE_M)) -> Path:
+    """Velocities of three seconds and water levels, as a node records them. surface_m: where, and of which scale."""
     with BagWriter(path) as bag:
         bag.add_topic(topic_of("/camera/velocity", POINT_CLOUD2))
         bag.add_topic(topic_of("/water_level", FLOAT64))
@@ -57,7 +58,7 @@ def recording(path: Path, levels: list[tuple[int, float]], frame_id: str = "map"
         for second in range(first_s, first_s + 3):
             vectors = RIVER.vectors(np.random.default_rng(second), 500, start_s=float(second))
             stamp_ns = (second + 1) * NS
-            cloud = velocity_cdr(vectors, WSE_M, Header(stamp_ns, frame_id))
+            cloud = velocity_cdr(vectors, surface_m[0], Header(stamp_ns, frame_id), surface_m[1])
             bag.write("/camera/velocity", stamp_ns, stamp_ns, cloud)
     return path
 
@@ -84,6 +85,19 @@ def test_table_json_csv_and_page(velocity: Path, tmp_path: Path, capsys: pytest.
     assert len(page.images) == 6
     assert all(image["alt"] for image in page.images)
     assert ("/q_m3_s", f"{figures['q_m3_s']:.3f}") in page.numbers
+    assert figures["measured_width_share"] == pytest.approx(2 / 3, abs=0.05)
+    assert f"vectors over {figures['measured_width_share']:.1%} of the width, at" in told
+    assert "/measured_width_share" in [where for where, _ in page.numbers]
+
+
+def test_water_on_dry_ground_is_said_everywhere(velocity: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+                                                ) -> None:
+    section = survey(tmp_path / "S.csv")
+    assert main(["discharge", str(velocity), str(section), "--wse", "9.5", "--json", str(tmp_path / "Q.json"), "--html",
+                 str(tmp_path / "page")]) == 0
+    warning = next(one for one in json.loads((tmp_path / "Q.json").read_text())["warnings"] if "calls dry" in one)
+    assert warning in capsys.readouterr().err
+    assert warning in (tmp_path / "page" / "index.html").read_text()
 
 
 @pytest.mark.parametrize(("header", "depths", "more"), [
@@ -94,6 +108,30 @@ def test_every_kind_of_section_gives_one_discharge(velocity: Path, tmp_path: Pat
     section = survey(tmp_path / "S.csv", header, depths)
     assert main(["discharge", str(velocity), str(section), "--json", str(tmp_path / "Q.json"), *more]) == 0
     assert q_of(tmp_path / "Q.json")["q_m3_s"] == pytest.approx(RIVER.discharge_m3_s(), rel=0.05)
+
+
+@pytest.mark.parametrize(("more", "says"), [
+    (LINE, "has places of its own, so --from and --to must not be given"),
+    (["--from-chainage", "5"], "--from-chainage is the chainage at --from")])
+def test_a_line_is_for_distances_alone(velocity: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+                                       more: list[str], says: str) -> None:
+    assert main(["discharge", str(velocity), str(survey(tmp_path / "S.csv")), "--wse", "10", *more]) == 2
+    assert says in capsys.readouterr().err
+
+
+def test_each_point_twice_is_the_same_discharge(velocity: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+                                                ) -> None:
+    once, twice = survey(tmp_path / "S.csv"), tmp_path / "T.csv"
+    header, *rows = once.read_text().splitlines()
+    twice.write_text("\n".join([header, *(row for row in rows for _ in range(2))]))
+    found = []
+    for path in (once, twice):
+        assert main(["discharge", str(velocity), str(path), "--wse", "10", "--json", str(tmp_path / f"{path.stem}.json")
+                     ]) == 0
+        figures = q_of(tmp_path / f"{path.stem}.json")
+        found.append((figures["q_m3_s"], figures["sigma_m3_s"], figures["search_m"]))
+    assert found[0] == found[1]
+    assert "27 rows repeat a point, which counts once" in capsys.readouterr().err
 
 
 def test_a_recording_with_its_water_level(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -112,6 +150,16 @@ def test_a_stale_level_and_another_level_are_said(tmp_path: Path, capsys: pytest
     said = capsys.readouterr().err
     assert "the water level is 993 s old, it must not be older than 900 s" in said
     assert "the velocities were measured on a water surface at 10 m" in said
+
+
+def test_velocities_of_a_given_scale_contradict_no_level_and_tell_none(tmp_path: Path,
+                                                                       capsys: pytest.CaptureFixture[str]) -> None:
+    """As of `gsd_m`: their map lies at 0 m because nobody told a level."""
+    section, bag = survey(tmp_path / "S.csv"), recording(tmp_path / "v.mcap", [], surface_m=(0.0, np.nan))
+    assert main(["discharge", str(bag), str(section), "--wse", "10"]) == 0
+    assert "water surface at" not in capsys.readouterr().err
+    assert main(["discharge", str(bag), str(section)]) == 2
+    assert "bed elevations need the water surface elevation; give --wse" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("second", "says"), [

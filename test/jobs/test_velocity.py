@@ -77,6 +77,11 @@ def test_origin_of_the_map_is_told(measured: Path) -> None:
     assert read_measured(measured / "V.mcap").origin == LocalFrame(46.1, 7.2, 300.0)
 
 
+def test_a_scale_that_is_given_is_that_of_no_water_level(measured: Path) -> None:
+    """`discharge` doubts no level by it, and takes none from it."""
+    assert read_measured(measured / "V.mcap").used_wse_m is None
+
+
 def test_page_tells_of_the_bank(measured: Path) -> None:
     page = (measured / "V.html").read_text()
     assert "vectors dropped" in page

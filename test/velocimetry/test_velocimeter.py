@@ -107,6 +107,20 @@ def test_stabilised_images_show_the_same_places_with_the_same_error() -> None:
                                K @ warped.covariance @ K.transpose(0, 2, 1), rtol=1e-6)
 
 
+@pytest.mark.parametrize(("level_scales", "wse_m", "scale_wse_m"), [
+    (True, 0.0, 0.0), (True, 54.2, 54.2), (False, 54.2, 54.2), (False, 0.0, np.nan)])
+def test_where_the_scale_is_given_a_level_that_nobody_told_has_none(level_scales: bool, wse_m: float,
+                                                                    scale_wse_m: float) -> None:
+    def method(_zone: Zone) -> Method:
+        return FollowPixels()
+
+    engine, found = Velocimeter(Stream("px", level_scales=level_scales), method, lambda _size, _new: None), []
+    for number in range(2):
+        found += engine.add(replace(by_pixels(number, motion(number)), wse_m=wse_m), motion(number))
+    one, = [*found, *engine.finish()]
+    np.testing.assert_equal((one.wse_m, one.scale_wse_m), (wse_m, scale_wse_m))
+
+
 def test_lost_frames_are_left_out() -> None:
     one, = measured([motion(0), None, motion(2)], Stream("px"))
     assert one.dropped == {"one": 3}
