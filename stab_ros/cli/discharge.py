@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from stab_ros.cli.console import DONE, quiet_libraries, tell, tell_made, warn
+from stab_ros.cli.console import DONE, note, quiet_libraries, tell, tell_made, warn
 from stab_ros.cli.options import add_force, command, finite, positive_float, positive_int, seconds
 from stab_ros.core.errors import InputError
 
@@ -93,7 +93,7 @@ def run(options: argparse.Namespace) -> int:
         return _only_rating(options)
     if options.velocity is None or options.section is None:
         raise InputError("VELOCITY and SECTION.csv are missing; only --rating alone works without them")
-    from stab_ros.jobs.discharge import discharge_from_files, gauging_of, gaugings_with, rating_of
+    from stab_ros.jobs.discharge import discharge_from_files
     from stab_ros.jobs.discharge_outputs import writers_of
     from stab_ros.jobs.discharge_text import as_text
     from stab_ros.jobs.result_outputs import ResultOutputs
@@ -106,10 +106,7 @@ def run(options: argparse.Namespace) -> int:
     tell(as_text(measured))
     rating = None
     if options.rating is not None:
-        gaugings = gaugings_with(options.rating, gauging_of(measured, options.stage))
-        rating = rating_of(gaugings, options.h0_m)
-        _tell_rating(rating)
-        _write_gaugings(options.rating, gaugings)
+        rating = _joined_rating(options, measured)
     with quiet_libraries():
         made = outputs.write(writers_of(measured, rating))
     tell_made(made)
@@ -131,14 +128,30 @@ def _job(options: argparse.Namespace) -> Any:
                         options.heights, options.crs, origin, options.topic)
 
 
+def _joined_rating(options: argparse.Namespace, measured: Any) -> Any:
+    """Adds the discharge to the table of gaugings and fits the curve."""
+    from stab_ros.io.gauging_file import read_gaugings
+    from stab_ros.jobs.rating import gauging_of, joined_by, rating_of
+
+    known = read_gaugings(options.rating) if options.rating.exists() else ()
+    table = joined_by(known, gauging_of(measured, options.stage))
+    rating = rating_of(table.gaugings, options.h0_m)
+    _tell_rating(rating)
+    note(f"{options.rating}: {one}" for one in table.replaced)
+    warn(f"{options.rating}: {one}" for one in table.doubts)
+    _write_gaugings(options.rating, table.gaugings)
+    return rating
+
+
 def _only_rating(options: argparse.Namespace) -> int:
-    from stab_ros.jobs.discharge import gaugings_with, rating_of
+    from stab_ros.io.gauging_file import read_gaugings
+    from stab_ros.jobs.rating import rating_of
     from stab_ros.jobs.rating_outputs import rating_writers
     from stab_ros.jobs.result_outputs import ResultOutputs
 
     outputs = ResultOutputs(options.json, options.csv, options.report)
     outputs.check(options.rating, options.force)
-    rating = rating_of(gaugings_with(options.rating, None), options.h0_m)
+    rating = rating_of(read_gaugings(options.rating), options.h0_m)
     if isinstance(rating, str):
         raise InputError(f"{options.rating}: {rating}")
     _tell_rating(rating)

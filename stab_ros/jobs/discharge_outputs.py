@@ -58,8 +58,8 @@ def rating_json(rating: Rating | str | None) -> Json | None:
     return {
         "a": rating.a, "b": rating.b, "h0_m": rating.h0_m, "covariance": rating.covariance.tolist(),
         "shared_sigma": rating.shared_sigma, "scatter": rating.scatter, "warnings": list(rating.warnings),
-        "gaugings": [{"stage_m": one.stage_m, "q_m3_s": one.q_m3_s, "sigma_m3_s": one.sigma_m3_s, "source": one.source,
-                      "curve_m3_s": float(curve), "curve_sigma": float(sigma)}
+        "gaugings": [{"stage_m": one.stage_m, "q_m3_s": one.q_m3_s, "sigma_m3_s": one.sigma_m3_s, "own_sigma": one.own,
+                      "source": one.source, "curve_m3_s": float(curve), "curve_sigma": float(sigma)}
                      for one, curve, sigma in zip(rating.gaugings, q, relative, strict=True)]}
 
 

@@ -56,6 +56,35 @@ def test_more_scatter_than_said_is_said() -> None:
     assert any("scatter" in warning for warning in rating.warnings)
 
 
+@pytest.mark.parametrize("column", [False, True])
+def test_large_rivers_whose_error_is_almost_all_alpha(column: bool) -> None:
+    """Totals of a Monte Carlo of alpha alone lie on both sides of the shared part; what they leave tells nothing."""
+    rng, shared = np.random.default_rng(5), 0.04 / 0.85
+    total = shared * rng.normal(1, 1 / np.sqrt(2 * 1000), len(STAGES))  # standard deviations of 1000 draws
+    q = true_q(STAGES) * np.exp(rng.normal(0, 0.004, len(STAGES)))
+    own = 0.004 if column else None
+    rating = fit_rating([Gauging(h, one, one * s, shared, "", own) for h, one, s in zip(STAGES, q, total, strict=True)])
+    at = np.array([0.8, 1.2, 1.7])
+    assert (np.abs(np.log(rating.at(at)[0] / true_q(at))) < 0.01).all()
+    assert rating.scatter < 1
+    assert not rating.warnings
+
+
+def test_own_parts_weigh_the_gaugings() -> None:
+    """Two gaugings off by a factor, with a large error of their own, which their total and shared part do not tell."""
+    exact = gaugings()
+    wrong = [Gauging(one.stage_m, 1.3 * one.q_m3_s, 0.05 * one.q_m3_s, 0.05, "", 0.5) for one in exact[3:5]]
+    rating = fit_rating([*exact[:3], *wrong, *exact[5:]])
+    assert rating.at(np.array(1.2))[0] == pytest.approx(float(true_q(np.array(1.2))), rel=0.002)
+
+
+def test_no_gauging_counts_as_better_than_one_per_cent() -> None:
+    fine = [Gauging(one.stage_m, one.q_m3_s, 1e-6 * one.q_m3_s) for one in gaugings(3)]
+    coarse = [Gauging(one.stage_m, one.q_m3_s, 0.01 * one.q_m3_s) for one in fine]
+    assert fit_rating(fine).scatter == pytest.approx(fit_rating(coarse).scatter)
+    assert fit_rating(fine).covariance == pytest.approx(fit_rating(coarse).covariance)
+
+
 def test_too_few_stages() -> None:
     with pytest.raises(InputError, match="2 different stages"):
         fit_rating(gaugings()[:2])
@@ -63,3 +92,5 @@ def test_too_few_stages() -> None:
         fit_rating(gaugings(), 0.9)
     with pytest.raises(InputError, match="above 0"):
         Gauging(1.0, -3.0)
+    with pytest.raises(InputError, match="no sigma below 0"):
+        Gauging(1.0, 3.0, own_sigma=-0.1)
