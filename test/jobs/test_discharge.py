@@ -234,6 +234,16 @@ def test_own_sigma_of_a_gauging_is_that_with_alpha_known(tmp_path: Path, velocit
     assert float(row["own_sigma"]) == pytest.approx(float(known["own_sigma"]))
 
 
+@pytest.mark.parametrize("name", ["seed", "verticals", "search"])
+def test_the_default_may_be_given(tmp_path: Path, velocity: Path, capsys: pytest.CaptureFixture[str], name: str
+                                  ) -> None:
+    call = ["discharge", str(velocity), str(survey(tmp_path / "S.csv")), "--wse", "10"]
+    assert main(call) == 0
+    without = capsys.readouterr().out
+    assert main([*call, f"--{name}", "0"]) == 0
+    assert capsys.readouterr().out == without
+
+
 @pytest.mark.parametrize(("header", "depths", "more", "says"), [
     ("X,Y,Z", False, [], "give --wse"), ("X,Y,Z/Depth", False, ["--wse", "10"], "--elevation or --depth"),
     ("chainage,Z", False, ["--wse", "10"], "--from X,Y --to X,Y"), ("X,Y,Z", False, ["--wse", "3"], "is dry"),
