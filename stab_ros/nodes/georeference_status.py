@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from stab_ros.core.text import number
+from stab_ros.core.text import counted, number
 from stab_ros.io.diagnostics_message import ERROR, OK, WARN
 from stab_ros.nodes.diagnostic_status import DiagnosticStatus
 from stab_ros.nodes.stream_timeout import StreamTimeout
@@ -105,7 +105,8 @@ class GeoreferenceStatus:
         if self.unmade:
             return f"no frame can be placed: {self.unmade}"
         if state == "STALE":
-            return f"no image for {self.timeout.silence_ns(free_ns) / 1e9:.1f} s"
+            frames = f"{counted(self.waiting, 'frame waits', 'frames wait')} for {self.waiting_for}; "
+            return f"{frames if self.waiting else ''}no image for {self.timeout.silence_ns(free_ns) / 1e9:.1f} s"
         if state == "INACTIVE":
             return "takes no images"
         if self._result is None or state == "WAITING":
