@@ -71,8 +71,9 @@ class Rating:
         a: Q at h - h0 = 1 m, m3/s.
         b: the exponent.
         h0_m: the stage of no flow.
-        covariance: (3, 3) of ln a, b, h0, without what all gaugings share.
-        shared_sigma: what all share, over Q.
+        covariance: (3, 3) of ln a, b, h0, without what gaugings share.
+        shared: (3,), change of ln a, b, h0 by one standard deviation of what gaugings share.
+        shared_sigma: median of that over Q, of the gaugings.
         scatter: standard deviation of ln Q around the curve over what the gaugings' own sigma, of 1 % at least, says;
             1 where that is not known.
         gaugings: what it was fitted to.
@@ -83,6 +84,7 @@ class Rating:
     b: float
     h0_m: float
     covariance: FloatArray
+    shared: FloatArray
     shared_sigma: float
     scatter: float
     gaugings: tuple[Gauging, ...]
@@ -94,7 +96,7 @@ class Rating:
         flows = above > 0
         safe = np.where(flows, above, 1.0)
         jacobian = np.stack([np.ones_like(safe), np.log(safe), -self.b / safe], axis=-1)
-        variance = np.einsum("...i,ij,...j->...", jacobian, self.covariance, jacobian) + self.shared_sigma**2
+        variance = np.einsum("...i,ij,...j->...", jacobian, self.covariance, jacobian) + (jacobian @ self.shared) ** 2
         return np.where(flows, self.a * safe**self.b, 0.0), np.where(flows, np.sqrt(variance), 0.0)
 
 
@@ -127,11 +129,11 @@ def fit_rating(gaugings: Sequence[Gauging], h0_m: float | None = None) -> Rating
     spare = len(stage) - free
     chi2 = float((residual**2).sum()) / spare if spare else 1.0
     normal = jacobian[:, :free].T @ jacobian[:, :free]
-    covariance = np.zeros((3, 3))
+    covariance, shared, common = np.zeros((3, 3)), np.zeros(3), np.array([one.shared_sigma for one in gaugings])
     covariance[:free, :free] = np.linalg.pinv(normal) * (max(chi2, 1.0) if known else chi2)
-    shared = float(np.median([one.shared_sigma for one in gaugings]))
+    shared[:free] = np.linalg.pinv(normal) @ jacobian[:, :free].T @ (common / sigma)
     rating = Rating(float(np.exp(values[0])), float(values[1]), float(values[2]), covariance, shared,
-                    float(np.sqrt(chi2)) if known else 1.0, tuple(gaugings))
+                    float(np.median(common)), float(np.sqrt(chi2)) if known else 1.0, tuple(gaugings))
     return Rating(**{**vars(rating), "warnings": tuple(_doubts(rating, known))})
 
 

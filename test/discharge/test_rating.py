@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -83,6 +85,19 @@ def test_no_gauging_counts_as_better_than_one_per_cent() -> None:
     coarse = [Gauging(one.stage_m, one.q_m3_s, 0.01 * one.q_m3_s) for one in fine]
     assert fit_rating(fine).scatter == pytest.approx(fit_rating(coarse).scatter)
     assert fit_rating(fine).covariance == pytest.approx(fit_rating(coarse).covariance)
+
+
+@pytest.mark.parametrize("h0_m", [None, 0.2])
+def test_what_some_gaugings_share_moves_the_curve_as_it_moves_them(h0_m: float | None) -> None:
+    """Against the fit to gaugings that err by one standard deviation of it; where all share it, the curve errs alike."""
+    at = np.array([0.9, 1.3, 2.5])
+    for own, common in ((0.01, np.full(len(STAGES), 0.05)), (1e-2, np.where(STAGES > 1.2, 0.001, 0.0))):
+        exact = [Gauging(h, float(true_q(h)), 0.0, one, "", own) for h, one in zip(STAGES, common, strict=True)]
+        moved = [replace(one, q_m3_s=one.q_m3_s * float(np.exp(one.shared_sigma))) for one in exact]
+        rating, (q, sigma) = fit_rating(exact, h0_m), fit_rating(exact, h0_m).at(at)
+        by_own = replace(rating, shared=np.zeros(3)).at(at)[1]
+        error = np.log(fit_rating(moved, h0_m).at(at)[0] / q)
+        assert np.sqrt(sigma**2 - by_own**2) == pytest.approx(np.abs(error), rel=0.02, abs=1e-6)
 
 
 def test_too_few_stages() -> None:
