@@ -89,9 +89,9 @@ def test_no_gauging_counts_as_better_than_one_per_cent() -> None:
 
 @pytest.mark.parametrize("h0_m", [None, 0.2])
 def test_what_some_gaugings_share_moves_the_curve_as_it_moves_them(h0_m: float | None) -> None:
-    """Against the fit to gaugings that err by one standard deviation of it; where all share it, the curve errs alike."""
+    """Against the fit to gaugings that err by one standard deviation of it."""
     at = np.array([0.9, 1.3, 2.5])
-    for own, common in ((0.01, np.full(len(STAGES), 0.05)), (1e-2, np.where(STAGES > 1.2, 0.001, 0.0))):
+    for own, common in ((0.01, np.full(len(STAGES), 0.05)), (0.01, np.where(STAGES > 1.2, 0.001, 0.0))):
         exact = [Gauging(h, float(true_q(h)), 0.0, one, "", own) for h, one in zip(STAGES, common, strict=True)]
         moved = [replace(one, q_m3_s=one.q_m3_s * float(np.exp(one.shared_sigma))) for one in exact]
         rating, (q, sigma) = fit_rating(exact, h0_m), fit_rating(exact, h0_m).at(at)
