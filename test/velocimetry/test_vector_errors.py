@@ -57,11 +57,13 @@ def test_columns_and_stamps_tell_the_covariance_between_intervals() -> None:
         made.seen(last, np.arange(3), END_PX, places_of(last, END_PX))
         both.append(vectors_of(made, np.ones(3, bool), 0, 0.0, "m"))
     vectors = joined(both)
-    S = np.zeros((6, 2, 3, 8))
+    by_frame = np.zeros((6, 2, 3, 8))
     for k, frame in enumerate(placed):
-        S[vectors.start_ns == frame.stamp_ns, :, k] += vectors.shared[vectors.start_ns == frame.stamp_ns, :, 0:8]
-        S[vectors.end_ns == frame.stamp_ns, :, k] += vectors.shared[vectors.end_ns == frame.stamp_ns, :, 8:16]
-    S = S.reshape(12, 24)
+        starts = vectors.start_ns == frame.stamp_ns
+        by_frame[starts, :, k] += vectors.shared[starts, :, 0:8]
+        ends = vectors.end_ns == frame.stamp_ns
+        by_frame[ends, :, k] += vectors.shared[ends, :, 8:16]
+    S = by_frame.reshape(12, 24)
     rng, root, draws = np.random.default_rng(1), factor(COVARIANCE), []
     for _ in range(20000):
         a, b, c = (H + np.r_[root @ rng.standard_normal(8), 0].reshape(3, 3) for H in (H_START, H_END, H_last))
