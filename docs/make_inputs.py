@@ -134,8 +134,10 @@ left out. For any other codec:
 
 **Time.** Frames are stamped 1 s + their time of presentation. Where that follows the nominal rate as closely as the \
 clock of the file can say, it is
-exactly 1 s + frame / rate. `--fps` sets a constant rate in its place. Pictures without a container hold \
-no times: raw H.264, H.265 and
+exactly 1 s + frame / rate. `--fps` sets a constant rate in its place; \
+where the times of the file say another one, both are said. Images that are exact copies of the one before are told \
+with their share, in bags and folders, too: their stamps are not those of what they show. Pictures without a \
+container hold no times: raw H.264, H.265 and
 MPEG (`.h264`, `.h265`, `.hevc`, at times `.m4v`, `.mpg`) and Motion JPEG (`.mjpeg`, `.mjpg`). The rate that the codec \
 names counts, else 25 frames/s, and that is
 said; give `--fps`. AVI with B-frames has a rate, and no times.

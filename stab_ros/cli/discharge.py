@@ -6,8 +6,16 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from stab_ros.cli.console import DONE, quiet_libraries, tell, tell_made, warn
-from stab_ros.cli.options import add_force, command, finite, positive_float, positive_int, seconds
+from stab_ros.cli.console import DONE, note, quiet_libraries, tell, tell_made, warn
+from stab_ros.cli.options import (
+    add_force,
+    command,
+    finite,
+    nonnegative_float,
+    nonnegative_int,
+    positive_float,
+    positive_int,
+)
 from stab_ros.core.errors import InputError
 
 _SETTINGS = ("search_m", "verticals", "min_vectors", "integration", "filling", "alpha", "alpha_sigma", "wse_sigma_m",
@@ -41,7 +49,7 @@ def _add_place(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--topic", metavar="T", help="of the velocities, where a recording has several")
     parser.add_argument("--wse", dest="wse_m", type=finite, metavar="M",
                         help="water surface elevation in the heights of the section (default: as recorded)")
-    parser.add_argument("--wse-sigma", dest="wse_sigma_m", type=seconds, metavar="M",
+    parser.add_argument("--wse-sigma", dest="wse_sigma_m", type=nonnegative_float, metavar="M",
                         help="its standard deviation (default 0.02)")
     parser.add_argument("--from", dest="start", type=pair, metavar="X,Y", help="where a section by chainage starts")
     parser.add_argument("--to", dest="end", type=pair, metavar="X,Y", help="where it ends, or any place in its line")
@@ -58,10 +66,10 @@ def _add_place(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_method(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--search", dest="search_m", type=positive_float, metavar="M",
-                        help="search distance around each vertical (default: half the distance of verticals)")
-    parser.add_argument("--verticals", type=positive_int, metavar="N",
-                        help="evenly spaced verticals (default: the points of the section)")
+    parser.add_argument("--search", dest="search_m", type=nonnegative_float, metavar="M",
+                        help="search distance around each vertical (default 0: half the distance of verticals)")
+    parser.add_argument("--verticals", type=nonnegative_int, metavar="N",
+                        help="evenly spaced verticals (default 0: the points of the section)")
     parser.add_argument("--min-vectors", type=positive_int, metavar="N",
                         help="vectors from which a vertical counts as measured (default 3)")
     parser.add_argument("--filling", metavar="F",
@@ -70,13 +78,14 @@ def _add_method(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--integration", metavar="I", help="mid_section (default) or mean_section")
     parser.add_argument("--alpha", type=positive_float, metavar="A",
                         help="depth-averaged over surface velocity (default 0.85)")
-    parser.add_argument("--alpha-sigma", type=seconds, metavar="A", help="its standard deviation (default 0.04)")
-    parser.add_argument("--depth-sigma", dest="depth_sigma_m", type=seconds, metavar="M",
+    parser.add_argument("--alpha-sigma", type=nonnegative_float, metavar="A",
+                        help="its standard deviation (default 0.04)")
+    parser.add_argument("--depth-sigma", dest="depth_sigma_m", type=nonnegative_float, metavar="M",
                         help="standard deviation of each bed point (default 0.02)")
-    parser.add_argument("--filling-sigma", type=seconds, metavar="R",
+    parser.add_argument("--filling-sigma", type=nonnegative_float, metavar="R",
                         help="relative standard deviation of filled velocities one width away (default 0.3)")
     parser.add_argument("--draws", type=positive_int, metavar="N", help="Monte Carlo draws (default 1000)")
-    parser.add_argument("--seed", type=positive_int, metavar="N", help="their seed (default 0)")
+    parser.add_argument("--seed", type=nonnegative_int, metavar="N", help="their seed (default 0)")
 
 
 def pair(text: str) -> tuple[float, float]:
@@ -93,7 +102,7 @@ def run(options: argparse.Namespace) -> int:
         return _only_rating(options)
     if options.velocity is None or options.section is None:
         raise InputError("VELOCITY and SECTION.csv are missing; only --rating alone works without them")
-    from stab_ros.jobs.discharge import discharge_from_files, gauging_of, gaugings_with, rating_of
+    from stab_ros.jobs.discharge import discharge_from_files
     from stab_ros.jobs.discharge_outputs import writers_of
     from stab_ros.jobs.discharge_text import as_text
     from stab_ros.jobs.result_outputs import ResultOutputs
@@ -106,10 +115,7 @@ def run(options: argparse.Namespace) -> int:
     tell(as_text(measured))
     rating = None
     if options.rating is not None:
-        gaugings = gaugings_with(options.rating, gauging_of(measured, options.stage))
-        rating = rating_of(gaugings, options.h0_m)
-        _tell_rating(rating)
-        _write_gaugings(options.rating, gaugings)
+        rating = _joined_rating(options, measured)
     with quiet_libraries():
         made = outputs.write(writers_of(measured, rating))
     tell_made(made)
@@ -133,14 +139,30 @@ def _job(options: argparse.Namespace) -> Any:
                         options.heights, options.crs, origin, options.topic)
 
 
+def _joined_rating(options: argparse.Namespace, measured: Any) -> Any:
+    """Adds the discharge to the table of gaugings and fits the curve."""
+    from stab_ros.io.gauging_file import read_gaugings
+    from stab_ros.jobs.rating import gauging_of, joined_by, rating_of
+
+    known = read_gaugings(options.rating) if options.rating.exists() else ()
+    table = joined_by(known, gauging_of(measured, options.stage))
+    rating = rating_of(table.gaugings, options.h0_m)
+    _tell_rating(rating)
+    note(f"{options.rating}: {one}" for one in table.replaced)
+    warn(f"{options.rating}: {one}" for one in table.doubts)
+    _write_gaugings(options.rating, table.gaugings)
+    return rating
+
+
 def _only_rating(options: argparse.Namespace) -> int:
-    from stab_ros.jobs.discharge import gaugings_with, rating_of
+    from stab_ros.io.gauging_file import read_gaugings
+    from stab_ros.jobs.rating import rating_of
     from stab_ros.jobs.rating_outputs import rating_writers
     from stab_ros.jobs.result_outputs import ResultOutputs
 
     outputs = ResultOutputs(options.json, options.csv, options.report)
     outputs.check(options.rating, options.force)
-    rating = rating_of(gaugings_with(options.rating, None), options.h0_m)
+    rating = rating_of(read_gaugings(options.rating), options.h0_m)
     if isinstance(rating, str):
         raise InputError(f"{options.rating}: {rating}")
     _tell_rating(rating)

@@ -62,6 +62,21 @@ def positive_int(text: str) -> int:
     return int(text)
 
 
+def nonnegative_int(text: str) -> int:
+    """For argparse: an integer, 0 or above."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} must be a whole number, 0 or above")
+    return int(text)
+
+
+def nonnegative_float(text: str) -> float:
+    """For argparse: a finite number, 0 or above."""
+    number = _number(text)
+    if number is None or not 0 <= number < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} must be a number, 0 or above")
+    return number
+
+
 def positive_float(text: str) -> float:
     """For argparse: a finite number above 0."""
     number = _number(text)

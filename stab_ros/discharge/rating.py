@@ -11,12 +11,13 @@ from scipy.optimize import least_squares
 from stab_ros.core.errors import InputError
 from stab_ros.core.text import counted
 from stab_ros.core.types import FloatArray
+from stab_ros.discharge.iso748 import sigma_by_number
 
 _LEAST_EXPONENT, _LARGEST_EXPONENT = 0.3, 8.0  # of b
 _STARTS = (0.03, 0.1, 0.3, 1.0, 3.0)  # distance of h0 below the lowest stage, over the range of stages
 _NEAREST = 1e-4  # of h0 to the lowest stage, over the range
 _FARTHEST = 20.0  # likewise
-_LEAST_SIGMA = 1e-4  # relative
+_LEAST_SIGMA = sigma_by_number(35)  # relative: no gauging has more verticals in the table of ISO 748
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,8 @@ class Gauging:
         sigma_m3_s: its standard deviation; 0: not known.
         shared_sigma: the part of it that all gaugings share, over Q, as the error of one alpha.
         source: where it is from.
+        own_sigma: the part of it that the gauging has by itself, over Q; None: what the other two leave.
+        recording: digest of the velocities, by which the gauging is known again; empty: not known.
 
     Raises:
         InputError: not finite, or no discharge above 0.
@@ -39,12 +42,25 @@ class Gauging:
     sigma_m3_s: float = 0.0
     shared_sigma: float = 0.0
     source: str = ""
+    own_sigma: float | None = None
+    recording: str = ""
 
     def __post_init__(self) -> None:
-        numbers = self.stage_m, self.q_m3_s, self.sigma_m3_s, self.shared_sigma
-        if not np.isfinite(numbers).all() or self.q_m3_s <= 0 or self.sigma_m3_s < 0 or self.shared_sigma < 0:
+        sigmas = self.sigma_m3_s, self.shared_sigma, self.own_sigma or 0.0
+        if not np.isfinite((self.stage_m, self.q_m3_s, *sigmas)).all() or self.q_m3_s <= 0 or min(sigmas) < 0:
             raise InputError(f"a gauging of {self.q_m3_s:g} m3/s +- {self.sigma_m3_s:g} at {self.stage_m:g} m, it must "
-                             "have a discharge above 0 and finite numbers")
+                             "have a discharge above 0, no sigma below 0, and finite numbers")
+
+    @property
+    def own(self) -> float | None:
+        """Relative standard deviation by itself; None: not known.
+
+        Where only the whole and the shared part are known it is what they leave, which is coarse where the whole is
+        little more than the shared part: the whole is that of a Monte Carlo, to some per cent of itself.
+        """
+        if self.own_sigma is not None or not self.sigma_m3_s:
+            return self.own_sigma
+        return float(np.sqrt(max((self.sigma_m3_s / self.q_m3_s) ** 2 - self.shared_sigma**2, 0.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +71,11 @@ class Rating:
         a: Q at h - h0 = 1 m, m3/s.
         b: the exponent.
         h0_m: the stage of no flow.
-        covariance: (3, 3) of ln a, b, h0, without what all gaugings share.
-        shared_sigma: what all share, over Q.
-        scatter: standard deviation of ln Q around the curve over what the gaugings' own sigma says; 1 where that is
-            not known.
+        covariance: (3, 3) of ln a, b, h0, without what gaugings share.
+        shared: (3,), change of ln a, b, h0 by one standard deviation of what gaugings share.
+        shared_sigma: median of that over Q, of the gaugings.
+        scatter: standard deviation of ln Q around the curve over what the gaugings' own sigma, of 1 % at least, says;
+            1 where that is not known.
         gaugings: what it was fitted to.
         warnings: one line each.
     """
@@ -67,6 +84,7 @@ class Rating:
     b: float
     h0_m: float
     covariance: FloatArray
+    shared: FloatArray
     shared_sigma: float
     scatter: float
     gaugings: tuple[Gauging, ...]
@@ -78,14 +96,16 @@ class Rating:
         flows = above > 0
         safe = np.where(flows, above, 1.0)
         jacobian = np.stack([np.ones_like(safe), np.log(safe), -self.b / safe], axis=-1)
-        variance = np.einsum("...i,ij,...j->...", jacobian, self.covariance, jacobian) + self.shared_sigma**2
+        variance = np.einsum("...i,ij,...j->...", jacobian, self.covariance, jacobian) + (jacobian @ self.shared) ** 2
         return np.where(flows, self.a * safe**self.b, 0.0), np.where(flows, np.sqrt(variance), 0.0)
 
 
 def fit_rating(gaugings: Sequence[Gauging], h0_m: float | None = None) -> Rating:
-    """Fits the curve by least squares of ln Q, each weighted by its own relative standard deviation.
+    """Fits the curve by least squares of ln Q, each weighted by its own relative standard deviation, 1 % at least.
 
-    Where the gaugings scatter more than their standard deviations say, the covariance grows accordingly.
+    No gauging counts as better than 1 %, u_m of ISO 748 for 35 verticals and more: its standard deviation does not hold
+    all that it errs by, and a few that seem exact would force the curve through themselves. Where the gaugings scatter
+    more than their standard deviations say, the covariance grows accordingly.
 
     Args:
         gaugings: at least three stages, or four where no standard deviation is known; one less with `h0_m`.
@@ -109,21 +129,20 @@ def fit_rating(gaugings: Sequence[Gauging], h0_m: float | None = None) -> Rating
     spare = len(stage) - free
     chi2 = float((residual**2).sum()) / spare if spare else 1.0
     normal = jacobian[:, :free].T @ jacobian[:, :free]
-    covariance = np.zeros((3, 3))
+    covariance, shared, common = np.zeros((3, 3)), np.zeros(3), np.array([one.shared_sigma for one in gaugings])
     covariance[:free, :free] = np.linalg.pinv(normal) * (max(chi2, 1.0) if known else chi2)
-    shared = float(np.median([one.shared_sigma for one in gaugings]))
+    shared[:free] = np.linalg.pinv(normal) @ jacobian[:, :free].T @ (common / sigma)
     rating = Rating(float(np.exp(values[0])), float(values[1]), float(values[2]), covariance, shared,
-                    float(np.sqrt(chi2)) if known else 1.0, tuple(gaugings))
+                    float(np.median(common)), float(np.sqrt(chi2)) if known else 1.0, tuple(gaugings))
     return Rating(**{**vars(rating), "warnings": tuple(_doubts(rating, known))})
 
 
 def _own_sigmas(gaugings: Sequence[Gauging]) -> tuple[FloatArray, bool]:
     """Relative standard deviation of each by itself, and whether it is known; all alike where it is not."""
-    total = np.array([one.sigma_m3_s / one.q_m3_s for one in gaugings])
-    if not (total > 0).all():
+    own = [one.own for one in gaugings]
+    if None in own:
         return np.ones(len(gaugings)), False
-    shared = np.array([one.shared_sigma for one in gaugings])
-    return np.sqrt(np.maximum(total**2 - shared**2, _LEAST_SIGMA**2)), True
+    return np.maximum(np.array(own, float), _LEAST_SIGMA), True
 
 
 def _solved(stage_m: FloatArray, log_q: FloatArray, sigma: FloatArray, h0_m: float | None) -> FloatArray:

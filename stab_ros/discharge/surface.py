@@ -28,7 +28,7 @@ class SurfaceVelocities:
     Attributes:
         velocity_m_s: (N,), component across the section, positive downstream.
         sigma_m_s: (N,), standard deviation by what each vector has by itself.
-        shared_m_s: (N, K), change by one standard deviation of each error that all vectors share.
+        shared_m_s: (N, K), change by one standard deviation of each error that vectors share.
         count: (N,), vectors within the search distance.
         along_m_s: (N,), component along the section.
         nearest_m: distance from any wet vertical to the nearest vector; infinite without vectors.
@@ -80,7 +80,8 @@ def surface_velocities(section: CrossSection, wet: BoolArray, vectors: Vectors, 
     return SurfaceVelocities(
         np.array([float(np.median(one)) if len(one) else np.nan for one in told]),
         np.hypot(_MEDIAN_LOSS * scatter / np.sqrt(np.maximum(tracks, 1)), aside),
-        np.array([_median(shared[found]) for found in groups]).reshape(len(section), shared.shape[1]),
+        np.array([_of_middle(shared[found], one) for found, one in zip(groups, told, strict=True)]
+                 ).reshape(len(section), shared.shape[1]),
         np.array([len(found) for found in near], np.int64),
         _medians(vectors.velocity_m_s @ section.along, groups), nearest_m, downstream)
 
@@ -154,6 +155,12 @@ def _medians(values: FloatArray, groups: list[IdArray]) -> FloatArray:
     return np.array([float(np.median(values[found])) if len(found) else np.nan for found in groups])
 
 
-def _median(rows: FloatArray) -> FloatArray:
-    """The median of each column; 0 without rows."""
-    return np.median(rows, axis=0) if len(rows) else np.zeros(rows.shape[1])
+def _of_middle(rows: FloatArray, told: FloatArray) -> FloatArray:
+    """The mean of each column over the half of the vectors in the middle of what they tell; 0 without rows.
+
+    That is how the median of what they tell moves. The median of a column would be 0 where it is of an error that only
+    some of the vectors have, as those of one interval.
+    """
+    n = len(told)
+    middle = rows[np.argsort(told, kind="stable")[n // 4 : n - n // 4]]
+    return middle.mean(axis=0) if n else np.zeros(rows.shape[1])

@@ -116,6 +116,12 @@ def needs_motion(config: GeoreferenceConfig) -> bool:
     return config.orientation in _WITH_MOTION or (config.orientation == "dynamic_gps_imu" and config.fuse_homographies)
 
 
+def needs_calibration(config: GeoreferenceConfig) -> bool:
+    """Whether the camera's calibration places frames: not so where the scale of the reference is given by itself."""
+    by_scale = config.orientation == "dynamic_stabilization" and bool(config.gsd_m or config.known_distance)
+    return not by_scale or bool(config.ground_above_wse_m)
+
+
 def needs_sensors(config: GeoreferenceConfig) -> bool:
     """Whether the orientation takes positions and attitudes."""
     return config.orientation == "dynamic_gps_imu"

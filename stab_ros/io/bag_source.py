@@ -20,6 +20,7 @@ from stab_ros.io.image_message import IMAGE_TYPES
 from stab_ros.io.image_topic import holds_images, namespace_of, no_images, restamped, stamp_of, video_format
 from stab_ros.io.picture import Clock, Picture, only_pictures, readable
 from stab_ros.io.picture_reader import with_pictures
+from stab_ros.io.repeated_pictures import RepeatedPictures
 from stab_ros.io.stamp_check import StampCheck
 from stab_ros.io.stamp_order import StampOrder
 from stab_ros.io.topics import (
@@ -51,14 +52,18 @@ class BagSource:
         self.image_topic = _choose_topic(self.name, reader, image_topic)
         self.count: int | None = reader.topics[self.image_topic].count
         self._reader = reader
+        self._repeated = RepeatedPictures()
 
     @property
     def warnings(self) -> list[str]:
-        return [*self._reader.warnings, *self._faults]
+        copies = self._repeated.remark()
+        told = [f"{self.name}: {self.image_topic}: {copies}"] if copies else []
+        return [*self._reader.warnings, *self._faults, *told]
 
     def items(self, limit: int | None = None, others: Collection[str] | None = None) -> Iterator[Picture | Message]:
         wanted = None if others is None else {self.image_topic, *others}
-        items = self._in_time(self._reader.messages(wanted), others or (), limit)
+        self._repeated = RepeatedPictures()
+        items = self._repeated.watched(self._in_time(self._reader.messages(wanted), others or (), limit))
         return readable(self.name, self.image_topic, items, lambda: self._reader.warnings)
 
     def frames(self, limit: int | None = None) -> Iterator[Picture]:

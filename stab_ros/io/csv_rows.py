@@ -1,4 +1,4 @@
-"""Chosen columns of a CSV file with a header line."""
+"""Chosen columns of a CSV file with a header line, and its whole numbers."""
 
 from __future__ import annotations
 
@@ -22,3 +22,23 @@ def csv_rows(
     for cells in table:
         if cells:
             yield table.line_num, [cells[column] if column < len(cells) else "" for column in chosen]
+
+
+def whole_of(name: str, cell: str) -> int:
+    """The whole number in a cell of the column `name`.
+
+    Raises:
+        ValueError: it holds none, as where a spreadsheet has rounded a stamp; the message says what would be right.
+    """
+    try:
+        return int(cell)
+    except ValueError:
+        raise ValueError(f"{name} is {cell[:40]!r}, it must be a whole number{_rounded(cell)}") from None
+
+
+def _rounded(cell: str) -> str:
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return ""
+    return ", as it was written: a spreadsheet rounds long ones, unless it imports the column as text"

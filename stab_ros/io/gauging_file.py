@@ -12,12 +12,12 @@ from stab_ros.core.text import number, one_line
 from stab_ros.discharge.rating import Gauging
 from stab_ros.io.csv_rows import csv_rows
 
-COLUMNS = ("stage_m", "discharge_m3_s", "sigma_m3_s", "shared_sigma", "source")
+COLUMNS = ("stage_m", "discharge_m3_s", "sigma_m3_s", "shared_sigma", "source", "own_sigma", "recording")
 _NEEDED = COLUMNS[:2]
 
 
 def read_gaugings(path: Path) -> tuple[Gauging, ...]:
-    """Reads a table with the columns `stage_m` and `discharge_m3_s`, and may be `sigma_m3_s`, `shared_sigma`, `source`.
+    """Reads a table with the columns `stage_m` and `discharge_m3_s`; the others of COLUMNS may be missing or empty.
 
     Raises:
         InputError: the file or a needed column is missing, or a cell is no number.
@@ -41,11 +41,12 @@ def read_gaugings(path: Path) -> tuple[Gauging, ...]:
 
 def _gauging(path: Path, line: int, row: dict[str, str]) -> Gauging:
     try:
-        values = [float(row.get(name) or 0.0) if name not in _NEEDED else float(row[name]) for name in COLUMNS[:4]]
-        if not all(map(math.isfinite, values)):
+        stage, q = (float(row[name]) for name in _NEEDED)
+        sigma, shared = (float(row.get(name) or 0.0) for name in ("sigma_m3_s", "shared_sigma"))
+        own = float(row["own_sigma"]) if row.get("own_sigma") else None
+        if not all(map(math.isfinite, (stage, q, sigma, shared, own or 0.0))):
             raise ValueError("a number is not finite")
-        stage, q, sigma, shared = values
-        return Gauging(stage, q, sigma, shared, row.get("source", ""))
+        return Gauging(stage, q, sigma, shared, row.get("source", ""), own, row.get("recording", ""))
     except (ValueError, InputError) as error:
         raise InputError(f"{path}: line {line}: {one_line(error)[:200]}") from error
 
@@ -57,6 +58,7 @@ def write_gaugings(gaugings: Sequence[Gauging], path: Path) -> None:
             table = csv.writer(file, lineterminator="\n")
             table.writerow(COLUMNS)
             for one in gaugings:
-                table.writerow([*map(number, (one.stage_m, one.q_m3_s, one.sigma_m3_s, one.shared_sigma)), one.source])
+                numbers = one.stage_m, one.q_m3_s, one.sigma_m3_s, one.shared_sigma
+                table.writerow([*map(number, numbers), one.source, number(one.own_sigma), one.recording])
     except OSError as error:
         raise WorkError(f"{path}: {error.strerror}") from error

@@ -16,7 +16,7 @@ import numpy as np
 from stab_ros.core.errors import InputError
 from stab_ros.core.text import number, one_line
 from stab_ros.core.types import Homography, State, Track
-from stab_ros.io.csv_rows import csv_rows
+from stab_ros.io.csv_rows import csv_rows, whole_of
 from stab_ros.io.csv_table import CsvTable
 
 ELEMENTS = tuple(f"h{row}{column}" for row in range(3) for column in range(3))
@@ -102,7 +102,8 @@ def read_homographies(path: Path) -> list[HomographyRow]:
 def _row(path: Path, line: int, cells: Sequence[str]) -> HomographyRow:
     frame, stamp_ns, status, *elements = cells
     try:
-        return HomographyRow(int(frame), int(stamp_ns), None if status == State.LOST.value else _matrix(elements))
+        matrix = None if status == State.LOST.value else _matrix(elements)
+        return HomographyRow(whole_of("frame", frame), whole_of("stamp_ns", stamp_ns), matrix)
     except ValueError as error:
         raise InputError(f"{path}: line {line} is not a row of homographies: {one_line(error)[:200]}") from error
 

@@ -19,7 +19,7 @@ import numpy as np
 from stab_ros.core.errors import InputError
 from stab_ros.core.text import number, one_line
 from stab_ros.core.types import FloatArray, IdArray
-from stab_ros.io.csv_rows import csv_rows
+from stab_ros.io.csv_rows import csv_rows, whole_of
 from stab_ros.io.csv_table import CsvTable
 from stab_ros.velocimetry.speeds import sigma_speed_m_s
 from stab_ros.velocimetry.vectors import Unit, Vectors
@@ -113,7 +113,7 @@ def read_velocities(path: Path) -> Vectors:
             missing = next(rows)[1]
             if missing:
                 raise InputError(f"{path}: no column {missing[0]}; it must be a table of velocities as stab-ros "
-                                 "velocity writes it with --csv")
+                                 "velocity writes it with --csv, separated by commas")
             lines, cells = [], []
             for line, row in rows:
                 lines.append(line)
@@ -147,7 +147,7 @@ def _numbers(path: Path, line: int, cells: Sequence[str]) -> tuple[list[float], 
         real = [float(cell) for cell in cells[: -len(_WHOLE)]]
         if not all(map(math.isfinite, real)):
             raise ValueError("a number is not finite")
-        return real, [int(cell) for cell in cells[-len(_WHOLE):]]
+        return real, [whole_of(*one) for one in zip(_WHOLE, cells[-len(_WHOLE):], strict=True)]
     except ValueError as error:
         raise InputError(f"{path}: line {line} is not a row of velocities: {one_line(error)[:200]}") from error
 

@@ -33,6 +33,7 @@ from stab_ros.io.video_stream import (
 
 VIDEO_SUFFIXES = (".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".mts", ".m2ts", ".ts", ".wmv",
                   ".flv", ".3gp", ".ogv", ".mjpeg", ".mjpg", ".y4m", ".h264", ".h265", ".hevc", ".mxf", ".gif")
+_SAME_RATE = 5e-4  # relative: 29.97 and 30 are two rates
 _MISSING_SHARE, _MISSING_FRAMES = 0.1, 5  # at the end, from which on a file counts as cut
 
 
@@ -131,12 +132,23 @@ class VideoFile:
         """With the first frame: what is done to all, and what is not."""
         if str(turn):
             self.warnings.append(f"{self._path}: frames are {turn}, as the file asks players to do")
+        if own := self._set_aside():
+            self.warnings.append(f"{self._path}: {own}")
         if undone:
             self.warnings.append(f"{self._path}: frames are taken as stored; the file asks players to show them "
                                  f"{undone}, and only flips and multiples of 90 degrees are done")
         if fields.filled:
             self.warnings.append(f"{self._path}: interlaced; the lines of the first field of a frame are kept, and the "
                                  "others filled in, as they show another moment")
+
+    def _set_aside(self) -> str:
+        """That the given rate is not that of the file's times; empty where it is, or there are none."""
+        own = timing_of(self._stream, None)
+        factor = (self._given_fps or float(own.fps)) / float(own.fps)
+        if own.tick_s is None or abs(factor - 1) < _SAME_RATE:
+            return ""
+        return (f"its times say {float(own.fps):g} frames/s, and {self._given_fps:g} are taken as given (--fps): "
+                f"speeds are {factor:.4g} times those by its times")
 
     def _warn(self, packets: Packets, clock: VideoClock, fields: Deinterlacer) -> None:
         """After the last frame: what was not as it should be."""

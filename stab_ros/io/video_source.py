@@ -11,6 +11,7 @@ from stab_ros.io.bag import Extra, Message, topic_of
 from stab_ros.io.cdr import IMAGE
 from stab_ros.io.frame_reader import FrameReader
 from stab_ros.io.picture import Picture, limited, only_pictures, readable
+from stab_ros.io.repeated_pictures import RepeatedPictures
 from stab_ros.io.topics import DEFAULT_NAMESPACE, RAW_TOPIC, topic_in
 
 PICTURE_TOPIC = topic_in(DEFAULT_NAMESPACE, RAW_TOPIC)
@@ -25,15 +26,18 @@ class VideoSource:
         self.count = reader.count
         self.topics = {PICTURE_TOPIC: topic_of(PICTURE_TOPIC, IMAGE)}
         self._reader = reader
+        self._repeated = RepeatedPictures()
 
     @property
     def warnings(self) -> list[str]:
-        return self._reader.warnings
+        copies = self._repeated.remark()
+        return [*self._reader.warnings, *([f"{self.name}: {copies}"] if copies else [])]
 
     def items(self, limit: int | None = None, others: Collection[str] | None = None) -> Iterator[Picture | Message]:
         del others  # there are none
         pictures = (Picture(stamp, stamp, stamp, decoded) for stamp, decoded in self._reader.frames())
-        return readable(self.name, self.image_topic, limited(pictures, limit))
+        self._repeated = RepeatedPictures()
+        return readable(self.name, self.image_topic, self._repeated.watched(limited(pictures, limit)))
 
     def frames(self, limit: int | None = None) -> Iterator[Picture]:
         return only_pictures(self.items(limit))

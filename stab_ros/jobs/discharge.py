@@ -1,4 +1,4 @@
-"""What `stab-ros discharge` does: a discharge from files, and the rating curve that it joins."""
+"""What `stab-ros discharge` does: a discharge from files."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ import numpy as np
 from stab_ros.core.errors import InputError
 from stab_ros.discharge.doubts import surface_doubts
 from stab_ros.discharge.measure import measure
-from stab_ros.discharge.rating import Gauging, Rating, fit_rating
 from stab_ros.discharge.result import Discharge
 from stab_ros.discharge.settings import DischargeConfig
 from stab_ros.georeferencing.level_doubts import late_level, stale_level
 from stab_ros.georeferencing.local_frame import LocalFrame
-from stab_ros.io.gauging_file import read_gaugings
 from stab_ros.io.section_file import Heights, read_section
 from stab_ros.jobs.discharge_input import Line, MeasuredVelocities, in_map, read_measured, section_of
 from stab_ros.velocimetry.vectors import Vectors
@@ -135,34 +133,3 @@ def _recorded(job: DischargeJob, measured: MeasuredVelocities) -> _Level:
 
 def _contradiction(job: DischargeJob, measured: MeasuredVelocities, wse_m: float) -> tuple[str, ...]:
     return surface_doubts(measured.used_wse_m, wse_m, job.config.wse_sigma_m)
-
-
-def gauging_of(measured: MeasuredDischarge, stage_m: float | None) -> Gauging:
-    """The discharge as a gauging of a rating curve. stage_m: None: the water surface elevation.
-
-    Raises:
-        InputError: there is neither a stage nor a water surface elevation, or the discharge is not above 0.
-    """
-    if stage_m is None and not measured.stage_known:
-        raise InputError("a rating curve needs the stage; give --stage or --wse")
-    found, config = measured.discharge, measured.job.config
-    stage = found.wse_m if stage_m is None else stage_m
-    return Gauging(stage, found.q_m3_s, found.sigma_m3_s, config.alpha_sigma / config.alpha, str(measured.job.velocity))
-
-
-def gaugings_with(path: Path, new: Gauging | None) -> tuple[Gauging, ...]:
-    """The gaugings of a table, which may not exist yet, and a new one, which replaces that of the same source.
-
-    Raises:
-        InputError: the table cannot be read, or is missing where there is no new one.
-    """
-    known = read_gaugings(path) if new is None or path.exists() else ()
-    return known if new is None else (*(one for one in known if one.source != new.source), new)
-
-
-def rating_of(gaugings: tuple[Gauging, ...], h0_m: float | None) -> Rating | str:
-    """The rating curve, or why there is none yet."""
-    try:
-        return fit_rating(gaugings, h0_m)
-    except InputError as error:
-        return str(error)

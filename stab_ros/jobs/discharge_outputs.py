@@ -58,9 +58,10 @@ def rating_json(rating: Rating | str | None) -> Json | None:
     q, relative = rating.at(np.array([one.stage_m for one in rating.gaugings]))
     return {
         "a": rating.a, "b": rating.b, "h0_m": rating.h0_m, "covariance": rating.covariance.tolist(),
-        "shared_sigma": rating.shared_sigma, "scatter": rating.scatter, "warnings": list(rating.warnings),
-        "gaugings": [{"stage_m": one.stage_m, "q_m3_s": one.q_m3_s, "sigma_m3_s": one.sigma_m3_s, "source": one.source,
-                      "curve_m3_s": float(curve), "curve_sigma": float(sigma)}
+        "shared": rating.shared.tolist(), "shared_sigma": rating.shared_sigma, "scatter": rating.scatter,
+        "warnings": list(rating.warnings),
+        "gaugings": [{"stage_m": one.stage_m, "q_m3_s": one.q_m3_s, "sigma_m3_s": one.sigma_m3_s, "own_sigma": one.own,
+                      "source": one.source, "curve_m3_s": float(curve), "curve_sigma": float(sigma)}
                      for one, curve, sigma in zip(rating.gaugings, q, relative, strict=True)]}
 
 

@@ -22,10 +22,12 @@ class CameraInfoSubscription:
     """camera: whose lens distortion is removed from the images; None until one is known.
 
     A later message may correct it until `locked`: the camera that the reference was taken with is kept to the end.
-    message: its CameraInfo as CDR.
+    message: its CameraInfo as CDR. given_up: images go without, as nobody publishes it and they can.
     """
 
-    def __init__(self, node: Node, changed: Callable[[], None]) -> None:
+    def __init__(self, node: Node, changed: Callable[[], None], needed: bool = True) -> None:
+        """needed: whether images cannot do without; else they wait only until it is clear that nobody publishes it."""
+        self._needed, self.given_up = needed, False
         self.camera: Camera | None = None
         self.message: bytes | None = None
         self.locked = False
@@ -50,13 +52,24 @@ class CameraInfoSubscription:
     def refresh(self, images_wait: bool = False) -> None:
         """Follows the publishers' QoS. images_wait: whether they do for the camera."""
         self._input.refresh()
-        self._missing.look(images_wait, self._input.publishers, f"nobody publishes {self.topic}, no image is used "
-                           "before it comes; publish it, or set use_camera_info:=false to do without calibration")
+        missing = self._missing.look(images_wait, self._input.publishers, self._without)
+        if missing and not self._needed and not self.given_up:
+            self.given_up = True
+            self._changed()
+
+    @property
+    def _without(self) -> str:
+        """What becomes of images where nobody publishes it, for people."""
+        if self._needed:
+            return (f"nobody publishes {self.topic}, no image is used before it comes; publish it, or set "
+                    "use_camera_info:=false to do without calibration")
+        return (f"nobody publishes {self.topic}, images are used without calibration, by the scale that is given; "
+                "publish it, or set use_camera_info:=false not to wait for it")
 
     @property
     def awaited(self) -> str:
         """What is needed for the camera to be known, for people; "" where it is."""
-        if self.camera is not None:
+        if self.camera is not None or self.given_up:
             return ""
         if self._refusal:
             return f"a usable message on {self.topic}, the last one is refused: {self._refusal}"
@@ -78,8 +91,9 @@ class CameraInfoSubscription:
         self._changed()
 
     def _warn_of_change(self) -> None:
-        self._logger.warning(f"{self.topic} has changed, the camera that took the reference is kept",
-                             throttle_duration_sec=_WARN_EVERY_S)
+        told = ("has changed, the camera that took the reference is kept" if self.camera is not None else
+                "comes too late, images are used without calibration; let it be published before them")
+        self._logger.warning(f"{self.topic} {told}", throttle_duration_sec=_WARN_EVERY_S)
 
 
 def _equal(a: Camera, b: Camera) -> bool:

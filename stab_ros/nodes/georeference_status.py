@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from stab_ros.core.text import number
+from stab_ros.core.text import counted, number
 from stab_ros.io.diagnostics_message import ERROR, OK, WARN
 from stab_ros.nodes.diagnostic_status import DiagnosticStatus, Summary
 from stab_ros.nodes.stream_timeout import StreamTimeout
@@ -107,7 +107,8 @@ class GeoreferenceStatus:
 
     def _message(self, state: str, free_ns: int) -> str:
         if state == "STALE":
-            return f"no image for {self.timeout.silence_ns(free_ns) / 1e9:.1f} s"
+            frames = f"{counted(self.waiting, 'frame waits', 'frames wait')} for {self.waiting_for}; "
+            return f"{frames if self.waiting else ''}no image for {self.timeout.silence_ns(free_ns) / 1e9:.1f} s"
         if self._result is None or state == "WAITING":
             return f"waiting for {self.waiting_for}"
         return "placed" if self._result.placed else f"unplaced: {self._result.reason}"

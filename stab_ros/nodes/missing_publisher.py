@@ -15,9 +15,14 @@ class MissingPublisher:
         self._in_vain = 0  # looks since somebody published it
         self._is_told = False
 
-    def look(self, needed: bool, publishers: int, text: str) -> None:
-        """needed: whether anything waits for the topic. text: what to say; where nothing waits, time does not count."""
+    def look(self, needed: bool, publishers: int, text: str) -> bool:
+        """Whether it was needed in vain for so long.
+
+        needed: whether anything waits for the topic. text: what to say; where nothing waits, time does not count.
+        """
         self._in_vain = 0 if publishers else self._in_vain + needed
-        if self._in_vain >= _LOOKS and not self._is_told:
+        is_missing = self._in_vain >= _LOOKS
+        if is_missing and not self._is_told:
             self._is_told = True
             self._logger.warning(text)
+        return is_missing

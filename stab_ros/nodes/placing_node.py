@@ -14,7 +14,13 @@ from stab_ros.core.text import counted
 from stab_ros.core.timeline import Advance
 from stab_ros.georeferencing.georeferencer import Georeferenced, Georeferencer
 from stab_ros.georeferencing.level_doubts import missing_level, silent_level, stale_level
-from stab_ros.georeferencing.settings import GeoreferenceConfig, needs_level, needs_motion, needs_sensors
+from stab_ros.georeferencing.settings import (
+    GeoreferenceConfig,
+    needs_calibration,
+    needs_level,
+    needs_motion,
+    needs_sensors,
+)
 from stab_ros.io.attitude_message import Attitude
 from stab_ros.io.cdr import SECOND_NS
 from stab_ros.io.fix_message import Fix
@@ -68,7 +74,8 @@ class PlacingNode(StabNode):
         self.values, self._config, self.status = dict(values), config, status
         self._level_given, self._levels = level_given, LevelStamps()
         self._stabilized = self.settings.input == STABILIZED_TOPIC
-        self._camera_info = CameraInfoSubscription(self, self._use_camera) if self.takes_camera_info else None
+        self._camera_info = CameraInfoSubscription(
+            self, self._use_camera, needs_calibration(config)) if self.takes_camera_info else None
         self._images = ImageInput(
             self, compressed=self.settings.image_transport == "compressed", keep_all=self.settings.queue_depth == 0,
             may_pass=self._knows_camera, take=self._on_image, dropped=self._on_dropped, topic=self.settings.input)
@@ -142,8 +149,9 @@ class PlacingNode(StabNode):
         return self._stabilized or self.settings.use_homographies or needs_motion(self._config)
 
     def _knows_camera(self) -> bool:
-        """Whether images can be placed: no camera_info is needed, or it is known."""
-        return self._camera_info is None or self._camera_info.camera is not None
+        """Whether images can be placed: no camera_info is needed, or it is known, or they go without."""
+        info = self._camera_info
+        return info is None or info.camera is not None or info.given_up
 
     def _known_camera(self) -> KnownCamera:
         if self._stabilized:

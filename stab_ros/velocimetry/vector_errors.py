@@ -10,7 +10,9 @@ The columns of `Vectors.shared` are, in this order:
 | 16 | stamps of both frames |
 | from 17 on | those of `PlacedFrame.shared`, one each: the difference of what they do at the end and at the start |
 
-Errors of one frame are common to all vectors of an interval, so they do not average out over them. Vectors that ended
+Errors of one frame are common to all vectors of an interval, so they do not average out over them. Another interval has
+other frames in the columns 0 to 16; columns 0 to 7 of a vector that begins with a frame and 8 to 15 of one that ends
+with it are the same eight errors, for both are derivatives by `factor` of its one covariance. Vectors that ended
 before the interval did share columns 8 to 15 with the others, which overstates what they have in common.
 """
 

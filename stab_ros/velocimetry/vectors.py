@@ -1,8 +1,12 @@
 """Velocity vectors with the covariance of each, and what all of them share.
 
 An error that every vector has by itself averages out over many vectors; one that they share (scale, water surface
-elevation, the homography of one frame) does not. So the two are kept apart: the covariance of all velocities is
-`blockdiag(covariance) + S S^T`, with `S` the rows of `shared` one below the other.
+elevation, the homography of one frame) does not. So the two are kept apart: the covariance of all velocities of an
+interval is `blockdiag(covariance) + S S^T`, with `S` the rows of `shared` one below the other.
+
+A column that stands for a frame (its homography, its stamp) is another error in each interval, see `vector_errors` and
+`shared_errors`. Taken as one error over several intervals, as there are no columns for each frame of a stream, it makes
+the standard deviation of a mean over them too large, and that of a difference too small.
 """
 
 from __future__ import annotations
@@ -27,7 +31,8 @@ class Vectors:
         start_ns: (N,) int64, stamps of the frames between which it was measured.
         end_ns: (N,) int64.
         covariance: (N, 2, 2) of the velocity, by the error that each vector has by itself, (m/s)^2.
-        shared: (N, 2, K) changes of the velocity by one standard deviation of each of K common errors, m/s.
+        shared: (N, 2, K) changes of the velocity by one standard deviation of each of K common errors, m/s; 0 where a
+            vector does not have it.
         track_id: (N,) int64, unique in a stream.
         unit: of lengths, "m" or "px"; all that is named `_m` is in it.
 

@@ -6,7 +6,15 @@ import argparse
 
 import pytest
 
-from stab_ros.cli.options import assignment, positive_float, positive_int, seconds, with_negative_pairs
+from stab_ros.cli.options import (
+    assignment,
+    nonnegative_float,
+    nonnegative_int,
+    positive_float,
+    positive_int,
+    seconds,
+    with_negative_pairs,
+)
 
 
 @pytest.mark.parametrize(("text", "value"), [
@@ -46,6 +54,18 @@ def test_a_count_is_a_whole_number_above_0(text: str) -> None:
 def test_a_rate_is_a_finite_number_above_0(text: str) -> None:
     with pytest.raises(argparse.ArgumentTypeError):
         positive_float(text)
+
+
+def test_zero_is_a_number_where_it_is_a_default() -> None:
+    assert (nonnegative_int("0"), nonnegative_int("7")) == (0, 7)
+    assert (nonnegative_float("0"), nonnegative_float("2.5")) == (0.0, 2.5)
+
+
+@pytest.mark.parametrize("text", ["-1", "1.5e", "x", "", "nan"])
+def test_a_number_below_0_is_refused(text: str) -> None:
+    for read in (nonnegative_int, nonnegative_float):
+        with pytest.raises(argparse.ArgumentTypeError, match="0 or above"):
+            read(text)
 
 
 def test_seconds_may_be_none_at_all() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from analytic_river import River
@@ -44,6 +46,15 @@ def test_one_track_many_times_is_one_observation() -> None:
 def test_shared_errors_are_carried_along() -> None:
     found = surface_velocities(SECTION, WET, EVEN.vectors(np.random.default_rng(0), shared=0.02), 1.0, 3)
     assert np.hypot(*found.shared_m_s.T) == pytest.approx(0.02 * 0.8, rel=0.01)
+
+
+def test_errors_of_some_vectors_alone_count_as_much_as_they_move_the_mean() -> None:
+    """Five intervals, each with an error of scale of 5 % of its own, in a column of its own: 5 % / sqrt(5) of all."""
+    vectors = EVEN.vectors(np.random.default_rng(0), 20_000, sigma_m_s=0.01, shared=0.05)
+    interval = np.arange(len(vectors)) % 5
+    columns = vectors.shared[:, :, :1] * (interval[:, None, None] == np.arange(5))
+    found = surface_velocities(SECTION, WET, replace(vectors, shared=columns), 1.0, 3)
+    assert np.hypot.reduce(found.shared_m_s.mean(axis=0)) == pytest.approx(0.05 / np.sqrt(5) * 0.8, rel=0.01)
 
 
 def test_too_few_vectors_and_dry_points_are_not_measured() -> None:

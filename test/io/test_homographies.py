@@ -63,7 +63,10 @@ def test_a_table_that_a_spreadsheet_has_saved_is_read(tmp_path: Path) -> None:
     (f"{HEADER}\n0,1,TRACKED,1,0,0,0,1,0,0,0\n", "line 2"),
     (f"{HEADER}\n0,1,LOST,,,,,,,,,\n1,2,TRACKED,1,0,x,0,1,0,0,0,1\n", "line 3"),
     (f"{HEADER}\n0,1,TRACKED,nan,0,0,0,1,0,0,0,1\n", "finite"),
-    (f"{HEADER}\nzero,1,LOST,,,,,,,,,\n", "line 2"),
+    (f"{HEADER}\nzero,1,LOST,,,,,,,,,\n", "line 2 is not a row of homographies: frame is 'zero', it must be "
+     "a whole number"),
+    (f"{HEADER}\n0,1.79592E+18,LOST,,,,,,,,,\n", "stamp_ns is '1.79592E+18', it must be a whole number, as it was "
+     "written: a spreadsheet rounds"),
 ])
 def test_what_is_no_table_is_refused(text: str, says: str, tmp_path: Path) -> None:
     path = tmp_path / "truth.csv"

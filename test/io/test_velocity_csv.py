@@ -63,6 +63,7 @@ def test_vectors_of_other_units_are_refused(tmp_path: Path) -> None:
     ("", "no column"),
     ("x,y\n1,2\n", "no column x_start_m"),
     ("\0\0", "no column"),
+    ("x_start_m;y_start_m\n1;2\n", "separated by commas"),
     (b"\xff\xfe\xff", "not a table"),
 ])
 def test_other_files_are_named(tmp_path: Path, text: str | bytes, what: str) -> None:
@@ -79,6 +80,9 @@ def test_other_files_are_named(tmp_path: Path, text: str | bytes, what: str) -> 
     ("vx_m_s", "nan", "line 3 is not a row"),
     ("vy_m_s", "0.9", "line 3: vx and vy are not those of start, end and stamps"),
     ("track_id", str(2**70), "not vectors"),
+    ("start_ns", "1.79592E+18", "line 3 is not a row of velocities: start_ns is '1.79592E.18', it must be a whole "
+     "number, as it was written: a spreadsheet rounds"),
+    ("end_ns", "1,79592E+18", "line 3"),
 ])
 def test_damaged_cells_are_named(tmp_path: Path, column: str, cell: str, what: str) -> None:
     path = _written(tmp_path / "V.csv", random_vectors(4))

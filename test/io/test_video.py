@@ -118,6 +118,14 @@ def test_a_file_without_times_says_so(name: str) -> None:
     assert read(VIDEOS / name, fps=60)[::2] == ([stamp_ns(number, 60.0) for number in range(FRAMES)], [])
 
 
+def test_a_given_rate_that_is_not_that_of_the_times_is_said_with_both() -> None:
+    timed = VIDEOS / "plain.mp4"
+    assert read(timed, fps=25)[2] == read(timed)[2]
+    (said,) = read(timed, fps=50)[2]
+    assert said == (f"{timed}: its times say 25 frames/s, and 50 are taken as given (--fps): speeds are 2 times those "
+                    "by its times")
+
+
 def test_fields_are_not_mixed() -> None:
     """Frame k has fields of pictures 2k and 2k + 1: it shall be the former."""
     stamps, images, said = read(VIDEOS / "interlaced.mp4")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -208,7 +209,9 @@ def test_a_rating_curve_grows(tmp_path: Path, velocity: Path, capsys: pytest.Cap
     call = ["discharge", str(velocity), str(section), "--wse", "10", "--rating", str(rating)]
     assert main(call) == 0
     assert "none yet: 1 different stage tells no rating curve" in capsys.readouterr().out
-    assert main(call) == 0  # the same source again
+    assert main(call) == 0  # the same velocities again
+    assert "note: " in (told := capsys.readouterr().err)
+    assert "of the same velocities" in told
     assert len(rating.read_text().splitlines()) == 2
     with rating.open("a") as file:
         file.write("9.2,6.4,0.4,0.047,a\n9.5,11,0.6,0.047,b\n9.8,15.5,0.8,0.047,c\n")
@@ -217,6 +220,76 @@ def test_a_rating_curve_grows(tmp_path: Path, velocity: Path, capsys: pytest.Cap
     assert "rating curve Q = " in capsys.readouterr().out
     assert 0.3 < json.loads((tmp_path / "R.json").read_text())["rating"]["b"] < 3
     assert len(Page(tmp_path / "page" / "index.html").images) == 1
+
+
+def rows_of(table: Path) -> list[dict[str, str]]:
+    with table.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_gauging_is_known_by_its_velocities(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                              capsys: pytest.CaptureFixture[str]) -> None:
+    """Files of one name are two gaugings where their velocities differ; one file by two names, or a copy, is one."""
+    survey(tmp_path / "S.csv")
+    for day in (1, 2):
+        (tmp_path / f"day{day}").mkdir()
+        with VelocityWriter(tmp_path / f"day{day}" / "V.csv") as table:
+            table.write(RIVER.vectors(np.random.default_rng(day), 900))
+        monkeypatch.chdir(tmp_path / f"day{day}")
+        assert main(["discharge", "V.csv", "../S.csv", "--wse", "10", "--rating", "../R.csv"]) == 0
+    first, second = rows_of(tmp_path / "R.csv")
+    assert "replaced" not in capsys.readouterr().err
+    second_again = str(tmp_path / "day2" / "V.csv")
+    assert main(["discharge", second_again, "../S.csv", "--wse", "10.1", "--rating", "../R.csv"]) == 0
+    assert "is replaced" in capsys.readouterr().err
+    assert rows_of(tmp_path / "R.csv")[0] == first
+    again = rows_of(tmp_path / "R.csv")[1]
+    assert (again["source"], again["recording"], again["stage_m"]) == (second["source"], second["recording"], "10.1")
+    shutil.copy(tmp_path / "day1" / "V.csv", "copy.csv")
+    assert main(["discharge", "copy.csv", "../S.csv", "--wse", "10", "--rating", "../R.csv"]) == 0
+    assert len(rows_of(tmp_path / "R.csv")) == 2
+
+
+def test_other_velocities_of_one_file_are_kept_and_doubted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    call = ["discharge", str(tmp_path / "V.csv"), str(survey(tmp_path / "S.csv")), "--wse", "10", "--rating",
+            str(tmp_path / "R.csv")]
+    for seed in (1, 2):
+        with VelocityWriter(tmp_path / "V.csv") as table:
+            table.write(RIVER.vectors(np.random.default_rng(seed), 900))
+        assert main(call) == 0
+    assert "not of the same velocities; both count" in capsys.readouterr().err
+    assert len(rows_of(tmp_path / "R.csv")) == 2
+
+
+def test_table_and_recording_of_one_measurement_are_one_gauging(tmp_path: Path) -> None:
+    bag, section = recording(tmp_path / "V.mcap", [(100, WSE_M)]), survey(tmp_path / "S.csv")
+    with VelocityWriter(tmp_path / "V.csv") as table:
+        for second in range(100, 103):
+            table.write(RIVER.vectors(np.random.default_rng(second), 500, start_s=float(second)))
+    for source in (bag, tmp_path / "V.csv"):
+        assert main(["discharge", str(source), str(section), "--wse", "10", "--rating", str(tmp_path / "R.csv")]) == 0
+    assert [Path(row["source"]).name for row in rows_of(tmp_path / "R.csv")] == ["V.csv"]
+
+
+def test_own_sigma_of_a_gauging_is_that_with_alpha_known(tmp_path: Path, velocity: Path) -> None:
+    call = ["discharge", str(velocity), str(survey(tmp_path / "S.csv")), "--wse", "10", "--rating"]
+    assert main([*call, str(tmp_path / "R.csv")]) == 0
+    assert main([*call, str(tmp_path / "K.csv"), "--alpha-sigma", "0"]) == 0
+    row, = rows_of(tmp_path / "R.csv")
+    known, = rows_of(tmp_path / "K.csv")
+    total = float(known["sigma_m3_s"]) / float(known["discharge_m3_s"])
+    assert float(row["own_sigma"]) == pytest.approx(total, rel=0.05)  # standard deviations of 1000 draws
+    assert float(row["own_sigma"]) == pytest.approx(float(known["own_sigma"]))
+
+
+@pytest.mark.parametrize("name", ["seed", "verticals", "search"])
+def test_the_default_may_be_given(tmp_path: Path, velocity: Path, capsys: pytest.CaptureFixture[str], name: str
+                                  ) -> None:
+    call = ["discharge", str(velocity), str(survey(tmp_path / "S.csv")), "--wse", "10"]
+    assert main(call) == 0
+    without = capsys.readouterr().out
+    assert main([*call, f"--{name}", "0"]) == 0
+    assert capsys.readouterr().out == without
 
 
 @pytest.mark.parametrize(("header", "depths", "more", "says"), [

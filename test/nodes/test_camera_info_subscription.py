@@ -32,3 +32,29 @@ def test_the_camera_of_a_saved_reference_replaces_another_and_says_so(
     assert subscription.camera is not None
     assert subscription.camera.D[0] == read_camera(saved).D[0]
     assert ("camera_info has changed, the camera that took the reference is kept" in capfd.readouterr().err) == warned
+
+
+def test_one_that_comes_after_images_went_without_is_left_aside_and_told(
+    graph: Graph, capfd: pytest.CaptureFixture[str]
+) -> None:
+    changes: list[str] = []
+    subscription = CameraInfoSubscription(graph.node, lambda: changes.append("changed"), needed=False)
+    for _ in range(49):
+        subscription.refresh(images_wait=True)
+    assert not subscription.given_up
+    for _ in range(9):
+        subscription.refresh(images_wait=True)
+    assert (subscription.given_up, subscription.awaited, changes) == (True, "", ["changed"])
+    subscription.locked = True  # images were placed
+    graph.node.create_publisher(CameraInfo, "/camera_info", LATCHED).publish(info(0.3))
+    graph.node.create_timer(0.1, subscription.refresh)
+    said = ""
+
+    def told() -> bool:
+        nonlocal said
+        said += capfd.readouterr().err
+        return "/camera_info comes too late, images are used without calibration" in said
+
+    graph.until(told, "that it comes too late")
+    assert subscription.camera is None
+    assert "nobody publishes /camera_info, images are used without calibration, by the scale" in said

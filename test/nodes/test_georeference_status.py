@@ -27,6 +27,18 @@ def test_waits_until_a_frame_is_answered() -> None:
     assert status.report(3 * SECOND).level == ERROR
 
 
+def test_a_stream_that_pauses_says_what_its_frames_wait_for() -> None:
+    status = GeoreferenceStatus("dynamic_stabilization", 2 * SECOND)
+    status.on_image(0)
+    status.on_result(placed())
+    status.waiting, status.waiting_for = 74, "messages on /cam/homography"
+    report = status.report(9 * SECOND)
+    assert report.message == "74 frames wait for messages on /cam/homography; no image for 9.0 s"
+    assert (report.level, report.values["state"]) == (ERROR, "STALE")
+    status.waiting = 0
+    assert status.report(9 * SECOND).message == "no image for 9.0 s"
+
+
 def test_unplaced_frame_says_why() -> None:
     status = GeoreferenceStatus("stationary_nadir", 2 * SECOND)
     status.on_image(0)

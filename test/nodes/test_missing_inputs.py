@@ -45,7 +45,7 @@ def _until_said(graph: Graph, node: NodeProcess, line: str) -> None:
 
 @pytest.mark.parametrize(("kind", "parameters", "after"), [
     ("tracker_node", {"use_camera_info": True, "start_s": 0.0}, "tracked"),
-    ("velocimetry_node", {"gsd_m": 0.05}, "waiting for messages on /cam/homography, nobody publishes it"),
+    ("velocimetry_node", {"height_m": 60.0}, "waiting for messages on /cam/homography, nobody publishes it"),
 ], ids=["tracker", "velocimetry"])
 def test_a_camera_info_that_does_not_come_or_is_refused_is_told(
     graph: Graph, kind: str, parameters: dict[str, Any], after: str
@@ -64,6 +64,24 @@ def test_a_camera_info_that_does_not_come_or_is_refused_is_told(
     camera.publish(camera_info())
     messages.until(after)
     assert node.log.count("nobody publishes /cam/camera_info") == 1
+
+
+@pytest.mark.parametrize(("kind", "parameters"), [
+    ("velocimetry_node", {"gsd_m": 0.05}),
+    ("georeference_node", {"orientation": "dynamic_stabilization", "known_distance": "10, 10, 200, 10, 8"}),
+], ids=["velocimetry", "georeference"])
+def test_a_given_scale_does_without_a_camera_info_that_nobody_publishes(
+    graph: Graph, kind: str, parameters: dict[str, Any]
+) -> None:
+    """As the command with the same parameters."""
+    messages = _Messages(graph)
+    node = graph.start(kind, "/cam", queue_depth=0, **parameters)
+    messages.until(f"waiting for images on /cam/image_raw and {_CAMERA}")
+    _show_images(graph)
+    messages.until(f"waiting for {_CAMERA}")
+    _until_said(graph, node, "nobody publishes /cam/camera_info, images are used without calibration, by the scale")
+    messages.until("waiting for messages on /cam/homography, nobody publishes it")
+    assert node.log.count("camera_info") == 2  # the same line also names use_camera_info
 
 
 @pytest.mark.parametrize(("kind", "parameters", "topics"), [

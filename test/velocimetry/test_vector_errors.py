@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from stab_ros.core.covariance import factor
@@ -9,6 +11,7 @@ from stab_ros.core.geometry import apply
 from stab_ros.core.types import FloatArray, Homography
 from stab_ros.velocimetry.placed_frame import PlacedFrame
 from stab_ros.velocimetry.places import places_of
+from stab_ros.velocimetry.speeds import joined
 from stab_ros.velocimetry.tracks import Tracks
 from stab_ros.velocimetry.vector_errors import vectors_of
 
@@ -41,6 +44,33 @@ def test_errors_of_both_homographies_are_shared() -> None:
              for _ in range(20000)]
     S = vectors.shared[:, :, :16].reshape(6, 16)
     np.testing.assert_allclose(S @ S.T, np.cov(np.array(draws).T), rtol=0.05, atol=0.03 * np.max(S @ S.T))
+
+
+def test_columns_and_stamps_tell_the_covariance_between_intervals() -> None:
+    """The frame that ends an interval and begins the next is one error in both (docs/velocimetry.md)."""
+    H_last = H_END + np.array([[0, 0, 0.1], [0, 0, 0.2], [0, 0, 0]])
+    placed = [PlacedFrame(stamp, GRAY, H, COVARIANCE, SHARED)
+              for stamp, H in ((0, H_START), (500_000_000, H_END), (900_000_000, H_last))]
+    both = []
+    for first, last in pairwise(placed):
+        made = Tracks.begun(first, START_PX, places_of(first, START_PX))
+        made.seen(last, np.arange(3), END_PX, places_of(last, END_PX))
+        both.append(vectors_of(made, np.ones(3, bool), 0, 0.0, "m"))
+    vectors = joined(both)
+    by_frame = np.zeros((6, 2, 3, 8))
+    for k, frame in enumerate(placed):
+        starts = vectors.start_ns == frame.stamp_ns
+        by_frame[starts, :, k] += vectors.shared[starts, :, 0:8]
+        ends = vectors.end_ns == frame.stamp_ns
+        by_frame[ends, :, k] += vectors.shared[ends, :, 8:16]
+    S = by_frame.reshape(12, 24)
+    rng, root, draws = np.random.default_rng(1), factor(COVARIANCE), []
+    for _ in range(20000):
+        a, b, c = (H + np.r_[root @ rng.standard_normal(8), 0].reshape(3, 3) for H in (H_START, H_END, H_last))
+        draws.append(np.r_[velocity(a, b).ravel(), velocity(b, c).ravel() * 0.5 / 0.4])
+    np.testing.assert_allclose(S @ S.T, np.cov(np.array(draws).T), rtol=0.05, atol=0.03 * np.max(S @ S.T))
+    mean, as_one = S.mean(axis=0), vectors.shared[:, :, :16].reshape(12, 16).mean(axis=0)
+    assert np.hypot.reduce(as_one) > np.hypot.reduce(mean)  # as docs/velocimetry.md says
 
 
 def test_a_wrong_scale_is_a_wrong_scale_of_all_vectors() -> None:
