@@ -16,6 +16,10 @@ class Method(Protocol):
     def dropped(self) -> Mapping[str, int]:
         """How many vectors of the last interval were dropped, by reason; empty where the method counts none."""
 
+    @property
+    def doubts(self) -> Mapping[str, str]:
+        """What is doubtful of the last interval, in words, by kind."""
+
     def add(self, frame: PlacedFrame) -> Vectors | None:
         """Takes the next frame.
 

@@ -83,6 +83,11 @@ class Particles:
         """See `Method`."""
         return {} if self.last is None else self.last.dropped
 
+    @property
+    def doubts(self) -> Mapping[str, str]:
+        """See `Method`."""
+        return {}
+
     def add(self, frame: PlacedFrame) -> Vectors | None:
         """Takes the next frame; see `Method.add`.
 

@@ -38,6 +38,7 @@ class Measured:
         wse_m: water surface elevation at that frame.
         zone: of the reference.
         dropped: how many vectors were dropped, by reason, wherever they lay.
+        doubts: what is doubtful, in words, by kind.
     """
 
     frame: Frame
@@ -47,6 +48,7 @@ class Measured:
     wse_m: float
     zone: Zone
     dropped: Mapping[str, int] = field(default_factory=dict)
+    doubts: Mapping[str, str] = field(default_factory=dict)
 
 
 class Velocimeter:
@@ -143,7 +145,7 @@ class Velocimeter:
         answer, placed = self._last
         stamp_ns = int(vectors.end_ns.max(initial=0)) or placed.stamp_ns
         return [Measured(answer.frame, placed, stamp_ns, vectors[wanted], answer.wse_m, self._zone,
-                         self._method.dropped)]
+                         self._method.dropped, self._method.doubts)]
 
     def _inside(self, places: FloatArray, stamps_ns: IdArray) -> BoolArray:
         """(N,) bool: which places the frames as taken show, off their borders, which orthophotos show as edges."""

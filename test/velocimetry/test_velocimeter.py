@@ -35,6 +35,7 @@ class FollowPixels:
     def __init__(self) -> None:
         self.frames: list[PlacedFrame] = []
         self.dropped = {"one": 3}
+        self.doubts = {"all": "one is doubtful"}
 
     def add(self, frame: PlacedFrame) -> Vectors | None:
         self.frames.append(frame)
