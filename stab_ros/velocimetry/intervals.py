@@ -63,6 +63,7 @@ class IntervalMethod(ABC, Generic[Frames]):
 
     dropped: Mapping[str, int] = MappingProxyType({})  # what is judged here are windows and lines, before vectors
     doubts: Mapping[str, str] = MappingProxyType({})
+    follows = False
 
     def __init__(self, interval_s: float) -> None:
         """interval_s: length of an interval, s."""

@@ -165,7 +165,7 @@ class _Pictures(IntervalFrames):
         told = ~bed & ~(may & goes(plain_way_px))  # what goes so far has nothing in common with what was there
         found = [*(one.only(told[one.at]) for one in plain), *(self._over_bed(one.only(bed[one.at])) for one in moving)]
         way_px = self._way_px(found)
-        ground = search.grid.ground(way_px, search.first.lost & np.isnan(way_px))
+        ground = search.grid.ground(way_px, search.first.lost & np.isnan(way_px), len(self.pictures))
         px_m_s = self.windows.plane.grid.resolution_m / search.first_s
         limit_m_s = config.max_speed_m_s or search.first.reach_px * px_m_s
         self.doubts = doubts_of_windows(search.first, np.isfinite(way_px) & ~ground, px_m_s, limit_m_s, unit)

@@ -44,15 +44,19 @@ class WindowGrid:
         near = cv2.dilate(these.reshape(self.shape).astype(np.uint8), np.ones((side, side), np.uint8))
         return np.asarray(near.ravel() > 0)
 
-    def ground(self, way_px: FloatArray, lost: BoolArray) -> BoolArray:
+    def ground(self, way_px: FloatArray, lost: BoolArray, frames: int) -> BoolArray:
         """(N,): what stands beside lost windows, (N,), where nearly all that moves was lost.
 
-        way_px: (N,) in the interval; NaN: unknown.
+        Where nearly all was lost, what ground and water pull to and fro stands, too.
+
+        way_px: (N,) from the first to the last of the frames of an interval; NaN: unknown.
         """
-        stands = way_px < _STANDING_WAY_PX  # NaN compares false
-        count, moving = np.count_nonzero(lost), np.count_nonzero(way_px >= _STANDING_WAY_PX)
-        nearly_all = count >= _NEARLY_ALL * (count + moving) and count >= _MANY * (count + np.isfinite(way_px).sum())
-        return stands & self.beside(lost) if nearly_all and count else np.zeros(len(lost), bool)
+        count, known = np.count_nonzero(lost), np.count_nonzero(np.isfinite(way_px))
+        all_but_few = count >= _NEARLY_ALL * (count + known)
+        stands = way_px < (max(_STANDING_WAY_PX, _STANDING_PX * frames) if all_but_few else _STANDING_WAY_PX)
+        moving = known - np.count_nonzero(stands)  # NaN compares false
+        nearly_all = count and count >= max(_NEARLY_ALL * (count + moving), _MANY * (count + known))
+        return stands & self.beside(lost) if nearly_all else np.zeros(len(lost), bool)
 
     def stay_in_sight(self, shift_px: FloatArray) -> BoolArray:
         """(N,): which are seen half of their shift, (N, 2), back and forth."""

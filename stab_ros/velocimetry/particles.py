@@ -62,6 +62,8 @@ class Particles:
         tracks: those of the last interval, with their places in every frame; None as `last`.
     """
 
+    follows = True  # see `Method`
+
     def __init__(self, config: VelocityConfig, water: PlaneMask | None = None, unit: Unit = "m") -> None:
         """Prepares for a stream.
 

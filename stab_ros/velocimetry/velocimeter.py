@@ -137,9 +137,11 @@ class Velocimeter:
     def _measured(self, vectors: Vectors | None) -> list[Measured]:
         if vectors is None or self._last is None or self._zone is None or self._method is None:
             return []
-        wanted = self._zone.holds(vectors)
+        middle_m = vectors.position_m
+        start_m, end_m = (vectors.start_m, vectors.end_m) if self._method.follows else (middle_m, middle_m)
+        wanted = self._zone.holds_places(start_m) & self._zone.holds_places(end_m)
         if self._stream.orthophoto is not None:
-            wanted &= self._inside(vectors.start_m, vectors.start_ns) & self._inside(vectors.end_m, vectors.end_ns)
+            wanted &= self._inside(start_m, vectors.start_ns) & self._inside(end_m, vectors.end_ns)
             last_ns = self._last[0].frame.stamp_ns
             self._whole = {stamp_ns: one for stamp_ns, one in self._whole.items() if stamp_ns == last_ns}
         answer, placed = self._last

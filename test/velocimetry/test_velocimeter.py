@@ -32,6 +32,8 @@ STEP_NS = 40_000_000
 class FollowPixels:
     """A `Method` whose features lie at the same pixels of every picture; an interval is two frames."""
 
+    follows = True
+
     def __init__(self) -> None:
         self.frames: list[PlacedFrame] = []
         self.dropped = {"one": 3}
