@@ -276,7 +276,7 @@ def _said(source: Source, work: VelocityWork, result: Velocities) -> list[str]:
     if not (work.bank_known or work.area_given):
         said.append(f"{source.name}: no static map tells ground from water, so velocities are measured everywhere, on "
                     "the bank, too; roi, exclude or static_map must say where the water is")
-    bed = bed_doubt(result.dropped, len(result.vectors))
+    bed = bed_doubt(result.dropped, len(result.vectors), result.doubtful)
     if bed:
         said.append(f"{source.name}: {bed}")
     bank = result.bank
@@ -294,7 +294,7 @@ def _why_none(work: VelocityWork, result: Velocities) -> str:
     if result.doubtful or result.dropped.total():
         return none
     if work.leaves_out_bank and result.bank.count:
-        return (f"{none}; all that was seen stands still and counts as bank ({counted(result.bank.count, 'vector')}). "
-                "Without a bank in view that may be moving water which the stabilisation follows: then nothing tells "
-                "how fast either is; leave_out_bank:=false measures what stands, too")
+        return (f"{none}; all that was seen stands still and counts as bank ({counted(result.bank.count, 'vector')}); "
+                "water beside it, if there is any, shows no texture. If no bank is in view, the stabilisation may "
+                "follow moving water, and neither velocity can be checked; leave_out_bank:=false measures what stands")
     return f"{none}; the water may show no texture"
