@@ -66,6 +66,7 @@ class Velocities:
     unplaced: Counter[str] = field(default_factory=Counter)
     doubts: dict[str, tuple[str, int]] = field(default_factory=dict)  # the last of a kind, and of how many frames
     undecoded: Counter[str] = field(default_factory=Counter)
+    doubtful: dict[str, tuple[str, int]] = field(default_factory=dict)  # as doubts, of intervals
     intervals: int = 0
     first_ns: int | None = None
     last_ns: int | None = None
@@ -107,8 +108,7 @@ class Velocities:
             self.unplaced[answer.reason] += 1
             return
         for doubt in answer.placement.warnings:
-            what = doubt.partition(":")[0]
-            self.doubts[what] = (doubt, self.doubts.get(what, (doubt, 0))[1] + 1)
+            _count(self.doubts, doubt.partition(":")[0], doubt)
 
     def measured(self, measured: Measured, water: Vectors) -> None:
         """Takes an interval, and those of its vectors that lie on water."""
@@ -116,7 +116,13 @@ class Velocities:
         self.parts.append(measured.vectors)
         self.water_parts.append(water)
         self.dropped.update(measured.dropped)
+        for kind, doubt in measured.doubts.items():
+            _count(self.doubtful, kind, doubt)
         self.wse_m = measured.wse_m
+
+
+def _count(doubts: dict[str, tuple[str, int]], kind: str, doubt: str) -> None:
+    doubts[kind] = (doubt, doubts.get(kind, (doubt, 0))[1] + 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,13 +269,14 @@ def _said(source: Source, work: VelocityWork, result: Velocities) -> list[str]:
     if result.undecoded:
         said.append(f"{source.name}: {counted(result.undecoded.total(), 'image')} of {source.image_topic} cannot be "
                     f"decoded; the first: {next(iter(result.undecoded))}")
+    said += [f"{source.name}: {doubt} ({count} of {counted(result.intervals, 'interval')})"
+             for doubt, count in result.doubtful.values()]
     if not len(result.vectors):
-        said.append(f"{source.name}: not one vector was measured in {counted(result.intervals, 'interval')}; the "
-                    f"water may show no texture, or {work.interval_name} is longer than the recording")
+        said.append(f"{source.name}: {_why_none(work, result)}")
     if not (work.bank_known or work.area_given):
         said.append(f"{source.name}: no static map tells ground from water, so velocities are measured everywhere, on "
                     "the bank, too; roi, exclude or static_map must say where the water is")
-    bed = bed_doubt(result.dropped, len(result.vectors))
+    bed = bed_doubt(result.dropped, len(result.vectors), result.doubtful)
     if bed:
         said.append(f"{source.name}: {bed}")
     bank = result.bank
@@ -277,3 +284,17 @@ def _said(source: Source, work: VelocityWork, result: Velocities) -> list[str]:
         said.append(f"{source.name}: the bank moves by {told(bank, result.unit)}; the frames do not lie still, and "
                     "velocities are wrong by as much")
     return said
+
+
+def _why_none(work: VelocityWork, result: Velocities) -> str:
+    """Why there is not one vector, as far as that is known."""
+    none = f"not one vector was measured in {counted(result.intervals, 'interval')}"
+    if not result.intervals:
+        return f"{none}; {work.interval_name} is longer than the recording, or its frames are too few"
+    if result.doubtful or result.dropped.total():
+        return none
+    if work.leaves_out_bank and result.bank.count:
+        return (f"{none}; all that was seen stands still and counts as bank ({counted(result.bank.count, 'vector')}); "
+                "water beside it, if there is any, shows no texture. If no bank is in view, the stabilisation may "
+                "follow moving water, and neither velocity can be checked; leave_out_bank:=false measures what stands")
+    return f"{none}; the water may show no texture"

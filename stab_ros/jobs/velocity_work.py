@@ -78,6 +78,11 @@ class VelocityWork:
         return self._ground is not None
 
     @property
+    def leaves_out_bank(self) -> bool:
+        """Whether velocities are not wanted where a static map shows ground."""
+        return self.bank_known and (takes_map(self._values) or self._given is not None)
+
+    @property
     def area_given(self) -> bool:
         """Whether parameters say where velocities are wanted."""
         return any(self._values.get(name) for name in ("roi", "exclude", "lines"))

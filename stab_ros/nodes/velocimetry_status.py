@@ -37,7 +37,9 @@ class VelocimetryStatus(GeoreferenceStatus):
         self._vectors += len(measured.vectors)
         self._dropped.update(measured.dropped)
         self._last, self._latency_ms = measured.vectors, latency_ns / 1e6
-        bed = bed_doubt(self._dropped, self._vectors)
+        for kind, doubt in measured.doubts.items():
+            self.warn(kind, doubt)
+        bed = bed_doubt(self._dropped, self._vectors, measured.doubts)
         if bed and not self._bed_told:
             self._bed_told = True
             self.warn("bed", bed)

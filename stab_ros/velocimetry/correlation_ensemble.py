@@ -75,12 +75,18 @@ def searched(pictures: Sequence[IdArray], pairs: IdArray, centres_px: FloatArray
     Returns:
         (N, 2) px; and (N,) the highest peak over the second one.
     """
+    return _peaks(correlations(pictures, pairs, centres_px, side_px, reach_px))
+
+
+def correlations(pictures: Sequence[IdArray], pairs: IdArray, centres_px: FloatArray, side_px: int,
+                 reach_px: int) -> FloatArray:
+    """The normalized cross-correlations (N, 2 reach_px + 1, 2 reach_px + 1), y before x; arguments of `searched`."""
     planes = np.zeros((len(centres_px), 2 * reach_px + 1, 2 * reach_px + 1), np.float32)
     corners = np.round(centres_px - (side_px - 1) / 2).astype(np.int64)
     for a, b in pairs.tolist():
         first, second = (np.pad(from_spline(pictures[k]), reach_px) for k in (a, b))
         _add_planes(planes, first, second, corners, side_px)
-    return _peaks(planes / len(pairs))
+    return planes / len(pairs)
 
 
 def _add_planes(planes: FloatArray, first: FloatArray, second: FloatArray, corners: IdArray, side_px: int) -> None:

@@ -62,6 +62,8 @@ class IntervalMethod(ABC, Generic[Frames]):
     """A `Method` whose intervals follow one another, the last frame of one being the first of the next."""
 
     dropped: Mapping[str, int] = MappingProxyType({})  # what is judged here are windows and lines, before vectors
+    doubts: Mapping[str, str] = MappingProxyType({})
+    follows = False
 
     def __init__(self, interval_s: float) -> None:
         """interval_s: length of an interval, s."""
@@ -105,4 +107,4 @@ class IntervalMethod(ABC, Generic[Frames]):
 
     @abstractmethod
     def measured(self, interval: Frames) -> Vectors | None:
-        """The vectors of an interval; None: it is too short, or shows none."""
+        """The vectors of an interval, which may be none, with `doubts` of it; None: it has too few frames."""

@@ -9,7 +9,7 @@ long as it is still the same. Of each window that time counts by which its varia
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,15 +19,18 @@ from numpy.lib.stride_tricks import sliding_window_view
 from stab_ros.core.errors import InputError
 from stab_ros.core.types import BoolArray, FloatArray, IdArray
 from stab_ros.metrics.window_spectra import gaussian_peak
-from stab_ros.velocimetry.correlation_ensemble import Ensemble, prepared, searched
+from stab_ros.velocimetry.correlation_ensemble import Ensemble, prepared
 from stab_ros.velocimetry.correlation_scatter import moderated, scatter_px2, sharpness_px2, variance_factor
 from stab_ros.velocimetry.intervals import IntervalFrames, IntervalMethod
 from stab_ros.velocimetry.lspiv_field import filled, widened, window_mean
+from stab_ros.velocimetry.lspiv_first import FirstSearch, Shifts, WindowGrid
 from stab_ros.velocimetry.lspiv_plane import Plane, PlanePictures, in_polygons
 from stab_ros.velocimetry.lspiv_settings import BLOCKS, LspivConfig
 from stab_ros.velocimetry.lspiv_standing import Without, goes, may_stand, over_bed, relative_bias
 from stab_ros.velocimetry.placed_frame import PlacedFrame
 from stab_ros.velocimetry.shared_errors import ErrorModel, Measured
+from stab_ros.velocimetry.sought import doubts_of_windows
+from stab_ros.velocimetry.speeds import no_vectors
 from stab_ros.velocimetry.vectors import Unit, Vectors
 from stab_ros.velocimetry.vectors_join import joined
 
@@ -73,7 +76,9 @@ class Lspiv(IntervalMethod["_Pictures"]):
         if len(interval.pictures) < 3:
             return None
         first_id, self._next_id = self._next_id, self._next_id + len(interval.windows.centres_px)
-        return interval.measured(self._config, self._unit, first_id)
+        vectors = interval.measured(self._config, self._unit, first_id)
+        self.doubts = interval.doubts
+        return vectors
 
     def _windows(self, frame: PlacedFrame) -> _Windows:
         reach_px = _REACH * self._config.window_px + self._config.window_px / 2
@@ -118,13 +123,17 @@ class _Windows:
 
 
 class _Pictures(IntervalFrames):
-    """The pictures of an interval, and the velocities measured in them."""
+    """The pictures of an interval, and the velocities measured in them.
+
+    doubts: what of them is doubtful, once they are measured; by kind.
+    """
 
     def __init__(self, windows: _Windows) -> None:
         super().__init__(_MOST_FRAMES)
         self.windows = windows
         self.pictures: list[IdArray] = []
         self.seen: list[BoolArray] = []
+        self.doubts: Mapping[str, str] = {}
 
     def keep(self, frame: PlacedFrame) -> None:
         windows = self.windows
@@ -135,28 +144,37 @@ class _Pictures(IntervalFrames):
     def lists(self) -> tuple[list[Any], ...]:
         return self.pictures, self.seen
 
-    def measured(self, config: LspivConfig, unit: Unit, first_id: int) -> Vectors | None:
-        """The vectors of all windows that are seen in each frame and have a clear peak; None: there are none."""
-        usable = np.logical_and.reduce([*self.seen, self.windows.on_water])
-        found = self._found(config, usable)
+    def measured(self, config: LspivConfig, unit: Unit, first_id: int) -> Vectors:
+        """The vectors of all windows that are seen in each frame and have a clear peak."""
+        found = self._found(config, unit)
         parts = [self._as_vectors(config, unit, part, first_id) for part in found if len(part.at)]
-        return joined(parts) if parts else None
+        return joined(parts) if parts else no_vectors(unit, self.errors[0].columns)
 
-    def _found(self, config: LspivConfig, usable: BoolArray) -> list[_Found]:
+    def _found(self, config: LspivConfig, unit: Unit) -> list[_Found]:
         """In the pictures as they are; over a bed, without what stands still in them; none where neither is sure."""
+        usable = np.logical_and.reduce([*self.seen, self.windows.on_water])
         may = usable & may_stand(self.pictures, self.windows.centres_px, self.windows.side_px)
-        moving = self._searched(config, Without(self.pictures), usable) if may.any() else []
+        moving = self._search(config, Without(self.pictures), usable).run() if may.any() else []
         moving = [one.only(one.is_sure()) for one in moving]
         way_px = self._way_px(moving)
         sure = may & goes(way_px)
-        plain = self._searched(config, self.pictures, usable & ~sure)
+        search = self._search(config, self.pictures, usable & ~sure)
+        plain = search.run()
         plain_way_px = self._way_px(plain)
         bed = sure | over_bed(way_px, plain_way_px)
         told = ~bed & ~(may & goes(plain_way_px))  # what goes so far has nothing in common with what was there
-        return [*(one.only(told[one.at]) for one in plain), *(self._over_bed(one.only(bed[one.at])) for one in moving)]
+        found = [*(one.only(told[one.at]) for one in plain), *(self._over_bed(one.only(bed[one.at])) for one in moving)]
+        way_px = self._way_px(found)
+        ground = search.grid.ground(way_px, search.first.lost & np.isnan(way_px), len(self.pictures))
+        px_m_s = self.windows.plane.grid.resolution_m / search.first_s
+        limit_m_s = config.max_speed_m_s or search.first.reach_px * px_m_s
+        self.doubts = doubts_of_windows(search.first, np.isfinite(way_px) & ~ground, px_m_s, limit_m_s, unit)
+        return [one.only(~ground[one.at]) for one in found]
 
-    def _searched(self, config: LspivConfig, pictures: Sequence[IdArray], usable: BoolArray) -> list[_Found]:
-        return _Search(config, pictures, np.array(self.stamps_ns), self.windows, usable).run()
+    def _search(self, config: LspivConfig, pictures: Sequence[IdArray], usable: BoolArray) -> _Search:
+        windows, seen = self.windows, np.logical_and.reduce(self.seen)
+        grid = WindowGrid(windows.centres_px, windows.shape, windows.step_px, windows.side_px, seen)
+        return _Search(config, pictures, np.array(self.stamps_ns), windows, grid, usable)
 
     def _way_px(self, found: Sequence[_Found]) -> FloatArray:
         """(N,) in the interval, of all windows; NaN: not found."""
@@ -221,14 +239,23 @@ class _Level:
 
 
 class _Search:
-    """From a wide search to the last pass."""
+    """From a wide search to the last pass.
+
+    first: shifts by the wide search, between pictures that are first_s apart. grid: of the windows.
+    """
 
     def __init__(self, config: LspivConfig, pictures: Sequence[IdArray], stamps_ns: IdArray, windows: _Windows,
-                 usable: BoolArray) -> None:
+                 grid: WindowGrid, usable: BoolArray) -> None:
         self._config, self._pictures, self._windows, self._usable = config, pictures, windows, usable
+        self.grid = grid
         self._time_s = (stamps_ns - stamps_ns[0]) * 1e-9
         self._frame_s = float(np.median(np.diff(self._time_s)))
         self._ensemble = Ensemble(pictures, windows.side_px // BLOCKS)
+        self._first_gap, reach_px = self._gap_and_reach_px()
+        pairs = self._pairs(self._first_gap, _FEW_PAIRS)
+        search = FirstSearch(pictures, pairs, grid, config.min_peak_ratio)
+        self.first: Shifts = search.within(usable, reach_px) if reach_px else search.widening(usable)
+        self.first_s = float(self._dt_s(pairs).mean())
 
     def run(self) -> list[_Found]:
         """Each window by all pairs, as far apart as a few of them measure it best."""
@@ -249,7 +276,7 @@ class _Search:
                             np.full(len(one.at), (_PEAK_SIGMA_PX / one.dt_s.mean()) ** 2)) for one in found]
 
     def _levels(self) -> list[_Level]:
-        velocity, clear, gap = self._first()
+        velocity, clear, gap = self.first.shift_px / self.first_s, self.first.clear, self._first_gap
         levels: list[_Level] = []
         while clear.any():
             levels.append(self._level(velocity, clear, gap))
@@ -260,19 +287,13 @@ class _Search:
             clear = clear & (np.hypot(*velocity.T) * gap * self._frame_s <= self._windows.side_px / 2)
         return levels
 
-    def _first(self) -> tuple[FloatArray, BoolArray, int]:
-        """Velocities (N, 2) by the wide search, which are clear (N,), and the frames between two pictures."""
-        reach_px, gap = self._windows.side_px // 4, 1
-        if self._config.max_speed_m_s:
-            frame_px = self._config.max_speed_m_s / self._windows.plane.grid.resolution_m * self._frame_s
-            gap = min(max(int(reach_px / frame_px), 1), self._longest_gap)
-            reach_px = int(np.ceil(gap * frame_px)) + 1
-        pairs, at = self._pairs(gap, _FEW_PAIRS), np.flatnonzero(self._usable)
-        shift, ratio = searched(self._pictures, pairs, self._windows.centres_px[at], self._windows.side_px, reach_px)
-        clear, velocity = self._usable.copy(), np.zeros((len(self._usable), 2))
-        clear[at] = (ratio >= self._config.min_peak_ratio) & (np.abs(shift).max(axis=1, initial=0) < reach_px)
-        velocity[at] = shift / self._dt_s(pairs).mean()
-        return velocity, clear, gap
+    def _gap_and_reach_px(self) -> tuple[int, int]:
+        """Frames between the pictures of the wide search, and how far it reaches; 0: as far as it needs to."""
+        if not self._config.max_speed_m_s:
+            return 1, 0
+        frame_px = self._config.max_speed_m_s / self._windows.plane.grid.resolution_m * self._frame_s
+        gap = min(max(int(self._windows.side_px // 4 / frame_px), 1), self._longest_gap)
+        return gap, int(np.ceil(gap * frame_px)) + 1
 
     def _level(self, velocity: FloatArray, clear: BoolArray, gap: int) -> _Level:
         """Velocities of clear windows improved by pairs that are `gap` frames apart, where there is a peak."""

@@ -28,7 +28,8 @@ class LspivConfig(Checked):
     windows_per_side: int = setting(
         2, "Number of windows that begin within the side of one: 1 (side by side), 2 (half overlapping) or 4", 1, 4)
     max_speed_m_s: float = setting(
-        0.0, "Highest speed that is sought; 0: a quarter of the window from frame to frame", 0.0, 100000.0)
+        0.0, "Highest speed that is sought; 0: a quarter of the window from frame to frame, up to a whole one where "
+        "the water goes farther", 0.0, 100000.0)
     gap_s: float = setting(
         0.0, "Longest time between the pictures of a pair, for slow water; 0: a quarter of interval_s", 0.0, 60.0)
     pairs: int = setting(24, "Largest number of pairs of pictures of an interval that are correlated", 4, 1000)

@@ -13,8 +13,16 @@ class Method(Protocol):
     """Measures velocities in the frames of a stream; knows no files, messages or clock."""
 
     @property
+    def follows(self) -> bool:
+        """Whether vectors begin and end where something was seen; else they are what was measured in their middle."""
+
+    @property
     def dropped(self) -> Mapping[str, int]:
         """How many vectors of the last interval were dropped, by reason; empty where the method counts none."""
+
+    @property
+    def doubts(self) -> Mapping[str, str]:
+        """What is doubtful of the last interval, in words, by kind."""
 
     def add(self, frame: PlacedFrame) -> Vectors | None:
         """Takes the next frame.

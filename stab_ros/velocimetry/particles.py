@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial import cKDTree
 
-from stab_ros.core.types import BoolArray, FloatArray
+from stab_ros.core.types import BoolArray, FloatArray, Gray
+from stab_ros.velocimetry.dropped import repeats_doubt
 from stab_ros.velocimetry.filters import PARTS, Candidates, filtered
 from stab_ros.velocimetry.follow import Follower
 from stab_ros.velocimetry.follow_klt import KltFollower
@@ -20,6 +21,7 @@ from stab_ros.velocimetry.follow_template import TemplateFollower
 from stab_ros.velocimetry.placed_frame import PlacedFrame
 from stab_ros.velocimetry.places import places_of
 from stab_ros.velocimetry.plane_mask import PlaneMask
+from stab_ros.velocimetry.repeating import usual_period_px
 from stab_ros.velocimetry.seeding import seeds
 from stab_ros.velocimetry.settings import VelocityConfig
 from stab_ros.velocimetry.tracks import Tracks
@@ -27,6 +29,7 @@ from stab_ros.velocimetry.vector_errors import vectors_of
 from stab_ros.velocimetry.vectors import Unit, Vectors
 
 _NEIGHBOURS = 3  # vectors of the last interval from which the velocity of a new feature is expected
+_MANY = 0.2  # share of features that are lost or dropped from which on the texture is asked whether it repeats
 _EARLY_NS = 2_000_000  # by which stamps may fall short of `extract_s`
 
 
@@ -43,6 +46,7 @@ class Interval:
         dropped: how many vectors each filter has dropped, by its name; before those `dragged`: features that a bed or
             waves have pulled off the water, see `second_look`.
         kept: number of vectors that are left.
+        doubts: what is doubtful of them, by kind.
     """
 
     start_ns: int
@@ -52,6 +56,7 @@ class Interval:
     lost: int
     dropped: Mapping[str, int] = field(default_factory=dict)
     kept: int = 0
+    doubts: Mapping[str, str] = field(default_factory=dict)
 
 
 class Particles:
@@ -61,6 +66,8 @@ class Particles:
         last: what became of the features of the last interval; None: none has ended yet.
         tracks: those of the last interval, with their places in every frame; None as `last`.
     """
+
+    follows = True  # see `Method`
 
     def __init__(self, config: VelocityConfig, water: PlaneMask | None = None, unit: Unit = "m") -> None:
         """Prepares for a stream.
@@ -74,6 +81,7 @@ class Particles:
         self._follower: Follower | None = None
         self._previous: PlacedFrame | None = None
         self._next_id = 0
+        self._gray: Gray = np.zeros((0, 0), np.uint8)  # of the first frame of the interval
         self._vectors: Vectors | None = None  # of the interval before; None: of another reference, or there are none
         self.last: Interval | None = None
         self.tracks: Tracks | None = None
@@ -82,6 +90,11 @@ class Particles:
     def dropped(self) -> Mapping[str, int]:
         """See `Method`."""
         return {} if self.last is None else self.last.dropped
+
+    @property
+    def doubts(self) -> Mapping[str, str]:
+        """See `Method`."""
+        return {} if self.last is None else self.last.doubts
 
     def add(self, frame: PlacedFrame) -> Vectors | None:
         """Takes the next frame; see `Method.add`.
@@ -113,8 +126,15 @@ class Particles:
         self.tracks, self._next_id = tracks, self._next_id + len(tracks)
         stamps_ns, dropped = tracks.stamps_ns, {"dragged": int(np.count_nonzero(tracks.dragged)), **result.dropped}
         self.last = Interval(int(stamps_ns[0]), int(stamps_ns[-1]), len(stamps_ns), len(tracks),
-                             int(np.count_nonzero(~found & ~tracks.dragged)), dropped, len(result.vectors))
+                             int(np.count_nonzero(~found & ~tracks.dragged)), dropped, len(result.vectors),
+                             self._doubts(tracks, len(result.vectors)))
         return result.vectors
+
+    def _doubts(self, tracks: Tracks, kept: int) -> Mapping[str, str]:
+        """Whether features are lost since their texture repeats, and those that are left may be wrong alike."""
+        gone = len(tracks) - kept
+        period_px = np.inf if gone <= _MANY * len(tracks) else usual_period_px(self._gray, tracks.start_px)
+        return {"repeats": repeats_doubt(period_px, gone, len(tracks))} if np.isfinite(period_px) else {}
 
     @property
     def _start_ns(self) -> int:
@@ -123,7 +143,7 @@ class Particles:
 
     def _begin(self, frame: PlacedFrame) -> None:
         start_px = seeds(frame, self._water, self._config)
-        self._previous = frame
+        self._previous, self._gray = frame, frame.gray
         if self._config.follow == "klt":
             self._follower = KltFollower(frame, start_px, self._config)
         else:

@@ -30,6 +30,11 @@ class PlaneErrors:
     covariance: FloatArray
     shared: FloatArray
 
+    @property
+    def columns(self) -> int:
+        """Number of columns of `ErrorModel.columns`."""
+        return int(self.shared.shape[1]) + len(self.shared) + 1
+
 
 @dataclass(frozen=True, eq=False)
 class Measured:

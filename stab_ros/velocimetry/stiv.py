@@ -7,7 +7,7 @@ trusted by: the covariance is `along along^T sigma^2 + across across^T (v tan(an
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,16 +18,18 @@ from stab_ros.velocimetry.intervals import IntervalFrames, IntervalMethod
 from stab_ros.velocimetry.lspiv_plane import camera_of
 from stab_ros.velocimetry.placed_frame import PlacedFrame
 from stab_ros.velocimetry.shared_errors import ErrorModel, Measured
+from stab_ros.velocimetry.sought import lost_doubt
+from stab_ros.velocimetry.speeds import no_vectors
 from stab_ros.velocimetry.stiv_line import Line, longest_run
 from stab_ros.velocimetry.stiv_settings import StivConfig
-from stab_ros.velocimetry.stiv_slope import Slope, cleaned, slope_of
+from stab_ros.velocimetry.stiv_slope import Slope, cleaned, farthest_px_s, slope_of
 from stab_ros.velocimetry.vectors import Unit, Vectors
 from stab_ros.velocimetry.vectors_join import joined
 
 _MOST_FRAMES = 512  # of an interval that are kept; of more, every second is let go
 _LEAST_FRAMES = 10
 _LEAST_SAMPLES = 48  # of a line
-_FASTEST_PX = 16.0  # per frame, where no speed is given
+_FASTEST_PX = 16.0  # per frame, where no speed is given and none beyond fits better
 
 
 class Stiv(IntervalMethod["_SpaceTimeImages"]):
@@ -68,11 +70,16 @@ class Stiv(IntervalMethod["_SpaceTimeImages"]):
             return None
         first_id = self._intervals * len(interval.lines)
         self._intervals += 1
-        return interval.measured(self._config, self._unit, first_id)
+        vectors = interval.measured(self._config, self._unit, first_id)
+        self.doubts = interval.doubts
+        return vectors
 
 
 class _SpaceTimeImages(IntervalFrames):
-    """The space-time images of an interval."""
+    """The space-time images of an interval.
+
+    doubts: what of them is doubtful, once they are measured; by kind.
+    """
 
     def __init__(self, lines: Sequence[Line]) -> None:
         super().__init__(_MOST_FRAMES)
@@ -81,6 +88,7 @@ class _SpaceTimeImages(IntervalFrames):
         self._model = ErrorModel(np.array(ends).reshape(-1, 2)) if lines else None
         self._rows: list[list[FloatArray]] = []
         self._shown: list[list[BoolArray]] = []
+        self.doubts: Mapping[str, str] = {}
 
     def keep(self, frame: PlacedFrame) -> None:
         seen = [line.seen_by(frame) for line in self.lines]
@@ -92,20 +100,31 @@ class _SpaceTimeImages(IntervalFrames):
     def lists(self) -> tuple[list[Any], ...]:
         return self._rows, self._shown
 
-    def measured(self, config: StivConfig, unit: Unit, first_id: int) -> Vectors | None:
-        """One vector for each line that has a clear slope; None: none has."""
-        found = [vector for i, line in enumerate(self.lines)
-                 if (vector := self._vector(i, line, config, unit, first_id)) is not None]
-        return joined(found) if found else None
+    def measured(self, config: StivConfig, unit: Unit, first_id: int) -> Vectors:
+        """One vector for each line that has a clear slope."""
+        parts = [longest_run(np.logical_and.reduce(shown)) for shown in zip(*self._shown, strict=True)]
+        long = [i for i, part in enumerate(parts) if part.stop - part.start >= _LEAST_SAMPLES]
+        found = [vector for i in long if (vector := self._vector(i, parts[i], config, unit, first_id)) is not None]
+        if long:
+            self.doubts = self._doubts(config, len(found), len(long), unit)
+        return joined(found) if found else no_vectors(unit, self.errors[0].columns if self.errors else 0)
 
-    def _vector(self, i: int, line: Line, config: StivConfig, unit: Unit, first_id: int) -> Vectors | None:
-        part = longest_run(np.logical_and.reduce([shown[i] for shown in self._shown]))
-        if part.stop - part.start < _LEAST_SAMPLES:
-            return None
+    def _doubts(self, config: StivConfig, found: int, sought: int, unit: Unit) -> Mapping[str, str]:
+        step = float(np.median([line.step for line in self.lines]))
+        limit_m_s = config.max_speed_m_s or farthest_px_s(self._time_s) * step
+        doubt = lost_doubt(sought - found, sought, "lines have no clear slope", "its texture stands still or does not "
+                           "last", f"{limit_m_s:.3g} {unit}/s (stiv.max_speed_m_s)")
+        return {"lost": doubt} if doubt else {}
+
+    @property
+    def _time_s(self) -> FloatArray:
+        return (np.array(self.stamps_ns) - self.stamps_ns[0]) * 1e-9
+
+    def _vector(self, i: int, part: slice, config: StivConfig, unit: Unit, first_id: int) -> Vectors | None:
+        line, time_s = self.lines[i], self._time_s
         image = cleaned(np.stack([row[i][part] for row in self._rows]))
-        time_s = (np.array(self.stamps_ns) - self.stamps_ns[0]) * 1e-9
         fastest_px_s = config.max_speed_m_s / line.step or _FASTEST_PX / float(np.median(np.diff(time_s)))
-        slope = slope_of(image, time_s, fastest_px_s)
+        slope = slope_of(image, time_s, fastest_px_s, widens=not config.max_speed_m_s)
         if slope is None or slope.correlation < config.min_correlation:
             return None
         return self._as_vector(line, line.place((part.start + part.stop - 1) / 2), slope, config, unit, first_id + i)

@@ -17,7 +17,8 @@ class StivConfig(Checked):
         1000.0)
     rows: int = setting(3, "Number of parallel rows, one sample apart, whose mean is taken", 1, 51)
     max_speed_m_s: float = setting(
-        0.0, "Highest speed that is sought; 0: 16 samples from frame to frame", 0.0, 100000.0)
+        0.0, "Highest speed that is sought; 0: 16 samples from frame to frame, up to 64 where that fits better", 0.0,
+        100000.0)
     min_correlation: float = setting(0.2, "Mean correlation coefficient below which there is no vector", 0.0, 1.0)
     angle_sigma_rad: float = setting(
         0.2, "Standard deviation of the angle of the flow to the lines in radians", 0.0, 1.5)

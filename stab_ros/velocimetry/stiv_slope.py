@@ -24,6 +24,8 @@ from stab_ros.velocimetry.stiv_standing import Compared, apparent_slope
 
 _SEARCH_LAGS = (1, 2, 3, 4)  # frames
 _SEARCH_STEP_PX = 0.25  # per frame
+_COARSE = 4  # steps beyond the range at first
+_FARTHER_PX = 64.0  # per frame, in which a pattern must not fit better than in the range
 _LEAST_RATIO = 1.1  # of the highest peak of the search to the next
 _PEAK_RADIUS = 12  # steps of the search within which no other peak is sought
 _STEPS = 2  # of Newton's method for each longest lag
@@ -70,19 +72,29 @@ def cleaned(image: FloatArray) -> FloatArray:
     return np.asarray(moving / np.maximum(contrast, 1e-6))
 
 
-def slope_of(image: FloatArray, time_s: FloatArray, most_px_s: float) -> Slope | None:
+def farthest_px_s(time_s: FloatArray) -> float:
+    """The velocity up to which a slope is sought at least, in a space-time image with rows at times (T,)."""
+    return _FARTHER_PX / float(np.median(np.diff(time_s)))
+
+
+def slope_of(image: FloatArray, time_s: FloatArray, most_px_s: float, widens: bool = False) -> Slope | None:
     """The slope of a cleaned space-time image.
 
     Args:
         image: (T, L).
         time_s: (T,) of its rows.
         most_px_s: largest velocity.
+        widens: whether a larger one, up to `farthest_px_s`, is taken where it fits better; else there is none then, for
+            what fits best in the range is so by chance.
 
     Returns:
         The slope; None: there is no pattern with a clear one.
     """
     spectra = Spectra.of(image, time_s)
-    velocity = _searched(spectra, most_px_s)
+    farthest = max(most_px_s, farthest_px_s(time_s))
+    velocity = _searched(spectra, most_px_s, farthest)
+    if velocity is not None and abs(velocity) > most_px_s:
+        velocity, most_px_s = (velocity, farthest) if widens else (None, most_px_s)
     longest = 2
     while velocity is not None and longest < len(image) // 2:
         longest = min(2 * longest, len(image) // 2)
@@ -90,19 +102,40 @@ def slope_of(image: FloatArray, time_s: FloatArray, most_px_s: float) -> Slope |
     return None if velocity is None else _measured(spectra, velocity, longest)
 
 
-def _searched(spectra: Spectra, most_px_s: float) -> float | None:
-    """The velocity, px/s, of the highest J with short lags; None: there is no clear one."""
-    frame_s = float(np.median(np.diff(spectra.time_s)))
-    count = int(np.ceil(most_px_s * frame_s / _SEARCH_STEP_PX))
-    velocities = np.arange(-count, count + 1) * _SEARCH_STEP_PX / frame_s
+def _searched(spectra: Spectra, most_px_s: float, farthest_px_s: float) -> float | None:
+    """The velocity, px/s, of the highest J with short lags; None: there is no clear one.
+
+    One beyond the largest velocity, up to the farthest, must fit clearly better; it is sought in larger steps first.
+    """
+    step = _SEARCH_STEP_PX / float(np.median(np.diff(spectra.time_s)))
+    near, far = (int(np.ceil(px_s / step)) for px_s in (most_px_s, farthest_px_s))
+    within, out = np.arange(-near, near + 1), np.arange(near + _COARSE, far + 1, _COARSE)
+    beyond = np.append(-out, out)
+    fits, fits_beyond = _fits(spectra, within * step), _fits(spectra, beyond * step)
+    if fits_beyond.max(initial=0.0) <= _LEAST_RATIO * fits.max():
+        return _clearest(within * step, fits, step)
+    velocity = _clearest(np.append(beyond, within) * step, np.append(fits_beyond, fits), step)
+    if velocity is None:
+        return None
+    around = velocity + np.arange(-_COARSE, _COARSE + 1) * step
+    return float(around[_fits(spectra, around).argmax()])
+
+
+def _fits(spectra: Spectra, velocities: FloatArray) -> FloatArray:
+    """(n,) J with short lags, of velocities (n,), px/s."""
     total = np.zeros(len(velocities))
     for lag in _SEARCH_LAGS:
         a, b = spectra.pairs(lag).T
         cross = (np.conj(spectra.rows[a]) * spectra.rows[b]).sum(axis=0)
         dt_s = float((spectra.time_s[b] - spectra.time_s[a]).mean())
         total += (np.exp(1j * np.outer(velocities * dt_s, spectra.k)) @ cross).real
+    return total
+
+
+def _clearest(velocities: FloatArray, total: FloatArray, step: float) -> float | None:
+    """That of the highest J, (n,); None: another peak is nearly as high."""
     best = int(np.argmax(total))
-    other = np.abs(np.arange(len(total)) - best) > _PEAK_RADIUS
+    other = np.abs(velocities - velocities[best]) > (_PEAK_RADIUS + 0.5) * step
     next_best = total[other].max(initial=0.0)
     return float(velocities[best]) if total[best] > _LEAST_RATIO * next_best else None
 

@@ -40,6 +40,7 @@ class Measured:
         zone: of the reference.
         dropped: how many vectors were dropped, by reason, wherever they lay.
         scale_wse_m: water surface elevation whose scale they have; NaN: they have that of none.
+        doubts: what is doubtful, in words, by kind.
     """
 
     frame: Frame
@@ -50,6 +51,7 @@ class Measured:
     zone: Zone
     dropped: Mapping[str, int] = field(default_factory=dict)
     scale_wse_m: float = math.nan
+    doubts: Mapping[str, str] = field(default_factory=dict)
 
 
 class Velocimeter:
@@ -138,15 +140,17 @@ class Velocimeter:
     def _measured(self, vectors: Vectors | None) -> list[Measured]:
         if vectors is None or self._last is None or self._zone is None or self._method is None:
             return []
-        wanted = self._zone.holds(vectors)
+        middle_m = vectors.position_m
+        start_m, end_m = (vectors.start_m, vectors.end_m) if self._method.follows else (middle_m, middle_m)
+        wanted = self._zone.holds_places(start_m) & self._zone.holds_places(end_m)
         if self._stream.orthophoto is not None:
-            wanted &= self._inside(vectors.start_m, vectors.start_ns) & self._inside(vectors.end_m, vectors.end_ns)
+            wanted &= self._inside(start_m, vectors.start_ns) & self._inside(end_m, vectors.end_ns)
             last_ns = self._last[0].frame.stamp_ns
             self._whole = {stamp_ns: one for stamp_ns, one in self._whole.items() if stamp_ns == last_ns}
         answer, placed = self._last
         stamp_ns = int(vectors.end_ns.max(initial=0)) or placed.stamp_ns
         return [Measured(answer.frame, placed, stamp_ns, vectors[wanted], answer.wse_m, self._zone,
-                         self._method.dropped, self._scale_wse_m(answer))]
+                         self._method.dropped, self._scale_wse_m(answer), self._method.doubts)]
 
     def _scale_wse_m(self, answer: Georeferenced) -> float:
         """Where the scale is given, a level of 0 is that of the settings, which nobody told."""

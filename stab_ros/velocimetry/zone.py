@@ -32,8 +32,12 @@ class Zone:
 
     def holds(self, vectors: Vectors) -> BoolArray:
         """(N,) bool: which vectors begin and end where velocities are wanted."""
+        return self.holds_places(vectors.start_m) & self.holds_places(vectors.end_m)
+
+    def holds_places(self, places_m: FloatArray) -> BoolArray:
+        """(N,) bool: which places (N, 2) velocities are wanted of."""
         mask = self.mask
-        return np.ones(len(vectors), bool) if mask is None else mask.holds(vectors.start_m) & mask.holds(vectors.end_m)
+        return np.ones(len(places_m), bool) if mask is None else mask.holds(places_m)
 
     def outlines(self) -> list[FloatArray]:
         """Polygons (n, 2) on the plane around what is allowed, holes left out; none: everywhere."""

@@ -22,6 +22,17 @@ def texture(rng: np.random.Generator, smooth_px: float = 1.5) -> FloatArray:
     return np.asarray((smooth - smooth.mean()) / smooth.std())
 
 
+def ripples(rng: np.random.Generator, wave_px: float, spread: float = 0.128) -> FloatArray:
+    """A periodic texture (512, 512) of waves along x; spread: relative standard deviation of their number in a length.
+
+    Its correlation with itself a wave on is `exp(-2 (pi spread)^2)`, 0.72.
+    """
+    k = np.fft.fftfreq(_TEXTURE_SIDE) * wave_px
+    spectrum = np.exp(-(((np.abs(k)[None, :] - 1) / spread) ** 2) / 2 - (k[:, None] / 0.32) ** 2 / 2)
+    waves = np.fft.ifft2(np.fft.fft2(rng.normal(size=(_TEXTURE_SIDE, _TEXTURE_SIDE))) * spectrum).real
+    return np.asarray(waves / waves.std())
+
+
 @dataclass(frozen=True)
 class MovingTexture:
     """What is seen, and how.
@@ -39,6 +50,7 @@ class MovingTexture:
         renewal_s: time after which the texture is another one; 0: it lasts.
         standing: standard deviation of a pattern that stands still over the water, grey levels.
         flicker: relative change of brightness, standard deviation.
+        wave_px: length of the waves of which the texture consists; 0: it does not repeat.
     """
 
     flow: Flow
@@ -54,12 +66,15 @@ class MovingTexture:
     standing: float = 0.0
     flicker: float = 0.0
     seed: int = 0
+    wave_px: float = 0.0
     tilt: tuple[float, float] = field(default=(0.0, 0.0))  # h20, h21 of plane_H_image, per px
 
     def frames(self, count: int) -> list[PlacedFrame]:
         """The first `count` frames, on a plane in metres, y to the north."""
         rng = np.random.default_rng(self.seed)
         textures = [texture(rng, self.smooth_px) for _ in range(3)]
+        if self.wave_px:
+            textures[0] = ripples(rng, self.wave_px)
         return [self._frame(i, textures, rng) for i in range(count)]
 
     def _frame(self, index: int, textures: list[FloatArray], rng: np.random.Generator) -> PlacedFrame:

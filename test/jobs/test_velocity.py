@@ -7,9 +7,12 @@ import re
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from conftest import Command
+from moving_texture_lspiv import texture
+from recordings import write_video
 from scipy.io import netcdf_file
 
 from stab_ros.georeferencing.local_frame import LocalFrame
@@ -22,6 +25,8 @@ from stab_ros.io.point_cloud import read_cloud
 from stab_ros.io.velocity_csv import read_velocities
 from stab_ros.io.velocity_message import read_velocity
 from stab_ros.jobs.discharge_input import read_measured
+from stab_ros.synthetic.camera_path import Pose as CameraPose
+from stab_ros.synthetic.flight import Shot
 
 SHORT = ("-p", "extract_s:=0.2", "-p", "max_gap_s:=1.0", "-p", "features:=200")
 
@@ -110,6 +115,25 @@ def test_bad_arguments_are_one_line(
     assert what in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_intervals_that_do_not_end_are_said(recordings: dict[str, Path], command: Command, tmp_path: Path) -> None:
+    said = command("velocity", recordings["mcap"], tmp_path / "V.mcap", "-p", "method:=lspiv", "-p",
+                   "lspiv.interval_s:=100").stderr
+    assert "not one vector was measured in 0 intervals; lspiv.interval_s is longer than the recording" in said
+
+
+def test_pictures_in_which_all_stands_still_are_said(command: Command, tmp_path: Path) -> None:
+    still = np.clip(128 + 30 * texture(np.random.default_rng(5))[:240, :320], 0, 255).astype(np.uint8)
+    ground = np.full(still.shape, 255, np.uint8)
+    ground[200:], still[180:] = 0, 128
+    cv2.imwrite(str(tmp_path / "ground.png"), ground)
+    shots = [Shot(k, 0, still, np.eye(3), CameraPose(), np.ones(still.shape, bool)) for k in range(26)]
+    done = command("velocity", write_video(tmp_path / "still.mkv", shots), tmp_path / "V.mcap", "-p",
+                   f"static_map:={tmp_path / 'ground.png'}")
+    assert done.returncode == 0, done.stderr
+    assert "all that was seen stands still and counts as bank" in done.stderr
+    assert "extract_s" not in done.stderr
 
 
 def test_a_missing_water_level_is_said(recordings: dict[str, Path], command: Command, tmp_path: Path) -> None:

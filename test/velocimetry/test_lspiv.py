@@ -87,10 +87,42 @@ def test_errors_of_homographies_are_shared_and_told() -> None:
     assert sigmas(vectors.total_covariance).min() > 3 * np.median(sigmas(vectors.covariance))
 
 
+@pytest.mark.parametrize("frame_px", [12.0, 20.0, -40.0])
+def test_the_search_widens_where_water_goes_farther_than_a_quarter_of_a_window(frame_px: float) -> None:
+    scene = MovingTexture(uniform(frame_px * 0.02 * 10), (256, 160), fps=10.0, seed=13)
+    vectors = measured(scene, 11)
+    assert len(vectors) > 6
+    assert np.abs(errors(vectors, scene)).max() < 1e-3 * abs(frame_px)
+    assert (np.abs(vectors.position_m[:, 0] - 2.56) < 2.56 - 0.48 + abs(frame_px) * 0.01).all()  # half the way is seen
+
+
+def bank_and_water(speed: float) -> MovingTexture:
+    """Fast water between banks that are a quarter of the picture each."""
+    return MovingTexture(lambda y: np.where((y > 0.8) & (y < 2.4), speed, 0.0), (256, 160), fps=10.0, seed=14)
+
+
+WATER = np.array([[0.0, 0.8], [5.12, 0.8], [5.12, 2.4], [0.0, 2.4]])
+
+
+def test_windows_on_the_shore_are_not_taken_for_water_that_stands() -> None:
+    scene = bank_and_water(3.2)
+    vectors = next(v for v in map(Lspiv(LspivConfig(interval_s=1.0), water=[WATER]).add, scene.frames(11)) if v)
+    assert len(vectors) > 6
+    assert np.abs(vectors.velocity_m_s[:, 0] - 3.2).max() < 0.1
+
+
+def test_where_all_water_is_too_fast_no_bank_is_taken_for_it_and_the_limit_is_told() -> None:
+    method = Lspiv(LspivConfig(interval_s=1.0, max_speed_m_s=1.0), water=[WATER])
+    found = [len(v) for v in map(method.add, bank_and_water(8.0).frames(11)) if v is not None]
+    assert found == [0]
+    assert "up to 1 m/s (lspiv.max_speed_m_s)" in method.doubts["lost"]
+
+
 def test_nothing_is_measured_where_there_is_nothing_but_noise() -> None:
     scene = MovingTexture(uniform(0.4), SMALL, contrast=0.0, noise=4.0, seed=5)
     method = Lspiv(LspivConfig(interval_s=0.4))
-    assert [vectors for vectors in map(method.add, scene.frames(11)) if vectors is not None] == []
+    assert [len(vectors) for vectors in map(method.add, scene.frames(11)) if vectors is not None] == [0]
+    assert "8 of 8 windows" in method.doubts["lost"]  # of the others it is less than a grey level
 
 
 def test_only_windows_in_the_polygons_are_measured() -> None:

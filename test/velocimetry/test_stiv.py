@@ -58,7 +58,26 @@ def test_what_a_line_does_not_see_has_the_uncertainty_of_its_direction() -> None
 
 
 def test_ground_that_stands_has_no_slope() -> None:
-    assert measured(MovingTexture(uniform(0.0), SIZE, seed=24), LINES) is None
+    vectors = measured(MovingTexture(uniform(0.0), SIZE, seed=24), LINES)
+    assert vectors is not None
+    assert not len(vectors)
+
+
+@pytest.mark.parametrize("seed", [25, 26, 27])
+def test_the_search_widens_where_water_goes_farther_than_it_reaches(seed: int) -> None:
+    """It goes 20 px from frame to frame."""
+    vectors = measured(MovingTexture(uniform(4.0), SIZE, fps=10.0, seed=seed), LINES, 21)
+    assert vectors is not None
+    assert len(vectors) == 3
+    assert np.abs(vectors.velocity_m_s[:, 0] - 4.0).max() < 0.01
+
+
+@pytest.mark.parametrize("seed", [25, 26, 27])
+def test_lines_of_water_above_the_limit_have_no_vector_and_the_limit_is_told(seed: int) -> None:
+    scene, method = MovingTexture(uniform(4.0), SIZE, fps=10.0, seed=seed), Stiv(
+        StivConfig(interval_s=2.0, max_speed_m_s=3.0), LINES)
+    assert [len(vectors) for vectors in map(method.add, scene.frames(21)) if vectors is not None] == [0]
+    assert "3 of 3 lines have no clear slope up to 3 m/s (stiv.max_speed_m_s)" in method.doubts["lost"]
 
 
 def test_a_line_that_is_a_point_is_refused() -> None:

@@ -32,9 +32,11 @@ STEP_NS = 40_000_000
 class FollowPixels:
     """A `Method` whose features lie at the same pixels of every picture; an interval is two frames."""
 
-    def __init__(self) -> None:
+    def __init__(self, follows: bool = True) -> None:
+        self.follows = follows
         self.frames: list[PlacedFrame] = []
         self.dropped = {"one": 3}
+        self.doubts = {"all": "one is doubtful"}
 
     def add(self, frame: PlacedFrame) -> Vectors | None:
         self.frames.append(frame)
@@ -72,9 +74,9 @@ def by_pixels(number: int, told: Motion | None) -> Georeferenced:
 
 
 def measured(told: list[Motion | None], stream: Stream, allowed: BoolArray | None = None,
-             stamps: list[int] | None = None) -> list[Measured]:
+             stamps: list[int] | None = None, follows: bool = True) -> list[Measured]:
     def method(_zone: Zone) -> Method:
-        return FollowPixels()
+        return FollowPixels(follows)
 
     engine, found = Velocimeter(stream, method, lambda _size, _first: allowed), list[Measured]()
     for number, one in zip(stamps or range(len(told)), told, strict=True):
@@ -144,6 +146,16 @@ def test_only_where_velocities_are_wanted() -> None:
     allowed[:, :400] = True
     one, = measured([motion(0), motion(1)], Stream("px"), allowed)
     assert one.vectors.track_id.tolist() == [0, 1, 3]
+
+
+@pytest.mark.parametrize(("follows", "ids"), [(True, [0, 3]), (False, [0, 1, 3])])
+def test_what_is_measured_in_the_middle_may_reach_out(follows: bool, ids: list[int]) -> None:
+    """The second vector leads from x = 320 to 300."""
+    allowed = np.zeros(SIZE[::-1], bool)
+    allowed[:, :315] = True
+    one, = measured([motion(0), motion(40)], Stream("px"), allowed, follows=follows)
+    assert one.vectors.track_id.tolist() == ids
+    assert one.doubts == {"all": "one is doubtful"}
 
 
 def test_frames_without_an_error_do_not_follow_those_with_one() -> None:
