@@ -25,8 +25,8 @@ class CameraInfoSubscription:
     message: its CameraInfo as CDR. given_up: images go without, as nobody publishes it and they can.
     """
 
-    def __init__(self, node: Node, changed: Callable[[], None], needed: bool = True) -> None:
-        """needed: whether images cannot do without; else they wait only until it is clear that nobody publishes it."""
+    def __init__(self, node: Node, changed: Callable[[], None], needed: Callable[[], bool] = lambda: True) -> None:
+        """needed: whether images cannot do without, as it is set; else they wait while somebody may publish it."""
         self._needed, self.given_up = needed, False
         self.camera: Camera | None = None
         self.message: bytes | None = None
@@ -53,14 +53,16 @@ class CameraInfoSubscription:
         """Follows the publishers' QoS. images_wait: whether they do for the camera."""
         self._input.refresh()
         missing = self._missing.look(images_wait, self._input.publishers, self._without)
-        if missing and not self._needed and not self.given_up:
-            self.given_up = True
+        if self.locked:
+            return  # it would come too late
+        before, self.given_up = self.given_up, missing and not self._needed()
+        if self.given_up and not before:
             self._changed()
 
     @property
     def _without(self) -> str:
         """What becomes of images where nobody publishes it, for people."""
-        if self._needed:
+        if self._needed():
             return (f"nobody publishes {self.topic}, no image is used before it comes; publish it, or set "
                     "use_camera_info:=false to do without calibration")
         return (f"nobody publishes {self.topic}, images are used without calibration, by the scale that is given; "

@@ -1,4 +1,4 @@
-"""That nobody publishes what a node needs, said once."""
+"""That nobody publishes what a node needs, and what becomes of its work, said once."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class MissingPublisher:
     def __init__(self, logger: RcutilsLogger) -> None:
         self._logger = logger
         self._in_vain = 0  # looks since somebody published it
-        self._is_told = False
+        self._told = ""
 
     def look(self, needed: bool, publishers: int, text: str) -> bool:
         """Whether it was needed in vain for so long.
@@ -22,7 +22,7 @@ class MissingPublisher:
         """
         self._in_vain = 0 if publishers else self._in_vain + needed
         is_missing = self._in_vain >= _LOOKS
-        if is_missing and not self._is_told:
-            self._is_told = True
+        if is_missing and text != self._told:
+            self._told = text
             self._logger.warning(text)
         return is_missing

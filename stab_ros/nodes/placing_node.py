@@ -75,7 +75,7 @@ class PlacingNode(StabNode):
         self._level_given, self._levels = level_given, LevelStamps()
         self._stabilized = self.settings.input == STABILIZED_TOPIC
         self._camera_info = CameraInfoSubscription(
-            self, self._use_camera, needs_calibration(config)) if self.takes_camera_info else None
+            self, self._use_camera, lambda: needs_calibration(self._config)) if self.takes_camera_info else None
         self._images = ImageInput(
             self, compressed=self.settings.image_transport == "compressed", keep_all=self.settings.queue_depth == 0,
             may_pass=self._knows_camera, take=self._on_image, dropped=self._on_dropped, topic=self.settings.input)

@@ -92,8 +92,8 @@ class PlacingSettings(Checked):
         1, "Depth of the input queue; 1: the newest frame wins; 0: every frame is kept, RELIABLE", 0, 1)
     use_camera_info: bool = setting(
         True, "Whether camera_info tells the calibration, for which images then wait, unless there is a camera_file "
-        "(with gsd_m or known_distance for 5 s, if nobody publishes it); false: without a camera_file the camera is "
-        "not calibrated")
+        "(for 5 s, if nobody publishes it and gsd_m or known_distance tells the scale of dynamic_stabilization "
+        "without ground_above_wse_m); false: without a camera_file the camera is not calibrated")
     use_homographies: bool = setting(
         False, "Whether to take homographies also for an orientation that does without them, to check that the camera "
         "is still")

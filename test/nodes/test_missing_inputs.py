@@ -84,6 +84,16 @@ def test_a_given_scale_does_without_a_camera_info_that_nobody_publishes(
     assert node.log.count("camera_info") == 2  # the same line also names use_camera_info
 
 
+def test_a_scale_that_is_given_at_run_time_does_without_it_too(graph: Graph) -> None:
+    node = graph.start("georeference_node", "/cam", queue_depth=0, orientation="dynamic_stabilization", height_m=60.0)
+    _Messages(graph).until("waiting for images on /cam/image_raw")
+    _show_images(graph)
+    _until_said(graph, node, "nobody publishes /cam/camera_info, no image is used before it comes")
+    assert graph.set_parameter("/cam/georeference_node", "gsd_m", 0.05) == (True, "")
+    assert graph.set_parameter("/cam/georeference_node", "height_m", 0.0) == (True, "")
+    _until_said(graph, node, "nobody publishes /cam/camera_info, images are used without calibration, by the scale")
+
+
 @pytest.mark.parametrize(("kind", "parameters", "topics"), [
     ("velocimetry_node", {}, ["/cam/homography"]),
     ("georeference_node", {"orientation": "dynamic_gps_imu", "wse_m": 0.0},
