@@ -15,6 +15,7 @@ from stab_ros.core.text import counted
 from stab_ros.core.types import BoolArray, FloatArray, IdArray
 from stab_ros.discharge.cross_section import CrossSection
 from stab_ros.discharge.settings import DischargeConfig
+from stab_ros.discharge.surface import of_middle
 from stab_ros.discharge.wetted import wet_lengths_m
 from stab_ros.velocimetry.vectors import Vectors
 
@@ -109,6 +110,6 @@ def _moves(group: Vectors, downstream: FloatArray, least_m_s: float) -> bool:
     """Whether most of a group move, by more than their errors make a median."""
     across = group.velocity_m_s @ downstream
     own = float(np.median(np.einsum("i,nij,j->n", downstream, group.covariance, downstream)))
-    shared = np.median(np.einsum("i,nik->nk", downstream, group.shared), axis=0)
+    shared = of_middle(np.einsum("i,nik->nk", downstream, group.shared), across)
     sigma = np.sqrt(_MEDIAN_LOSS**2 * own / len(np.unique(group.track_id)) + (shared**2).sum())
     return bool(abs(np.median(across)) > max(least_m_s, _SIGMAS * float(sigma)))

@@ -80,7 +80,7 @@ def surface_velocities(section: CrossSection, wet: BoolArray, vectors: Vectors, 
     return SurfaceVelocities(
         np.array([float(np.median(one)) if len(one) else np.nan for one in told]),
         np.hypot(_MEDIAN_LOSS * scatter / np.sqrt(np.maximum(tracks, 1)), aside),
-        np.array([_of_middle(shared[found], one) for found, one in zip(groups, told, strict=True)]
+        np.array([of_middle(shared[found], one) for found, one in zip(groups, told, strict=True)]
                  ).reshape(len(section), shared.shape[1]),
         np.array([len(found) for found in near], np.int64),
         _medians(vectors.velocity_m_s @ section.along, groups), nearest_m, downstream)
@@ -155,7 +155,7 @@ def _medians(values: FloatArray, groups: list[IdArray]) -> FloatArray:
     return np.array([float(np.median(values[found])) if len(found) else np.nan for found in groups])
 
 
-def _of_middle(rows: FloatArray, told: FloatArray) -> FloatArray:
+def of_middle(rows: FloatArray, told: FloatArray) -> FloatArray:
     """The mean of each column over the half of the vectors in the middle of what they tell; 0 without rows.
 
     That is how the median of what they tell moves. The median of a column would be 0 where it is of an error that only

@@ -17,6 +17,7 @@ LENGTHS: Mapping[str, float] = MappingProxyType({  # in small letters: metres
     **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1.0), "cm": 0.01, "mm": 0.001, "km": 1000.0,
     **dict.fromkeys(("ft", "feet", "foot"), FOOT_M),
     **dict.fromkeys(("us ft", "us survey ft", "us survey feet", "us survey foot", "ftus", "usft"), _SURVEY_FOOT_M)})
+FEET = frozenset({FOOT_M, _SURVEY_FOOT_M})
 # a unit behind the last space or _ of a header, as in `Z_ft`
 LENGTH_PATTERN = (r"m|meters?|metres?|cm|mm|km|"
                   r"(?:us[ _-]?)?(?:survey[ _-]?)?(?:ft|feet|foot)(?:[ _-]?us)?(?:[ _-]?survey)?")
@@ -51,9 +52,13 @@ def check_units(path: Path, places: Sequence[LengthColumn], height: LengthColumn
         if first.metres != other.metres or bool(first.unit) != bool(other.unit):
             raise InputError(f"{path}: the columns {one_line(first.header)} and {one_line(other.header)} must be in "
                              "one unit, which both or neither must name")
-    if height is not None and first.metres != 1 and not height.unit:
-        raise InputError(f"{path}: the column {one_line(height.header)} must name its unit, as "
-                         f"{one_line(first.header)} does")
+    if height is None:
+        return
+    beside_feet = len(places) == 1 and height.metres in FEET  # distances beside a depth (cm) are metres
+    for named, other, is_open in ((first, height, first.metres != 1), (height, first, beside_feet)):
+        if is_open and not other.unit:
+            raise InputError(f"{path}: the column {one_line(other.header)} must name its unit, as "
+                             f"{one_line(named.header)} does")
 
 
 def metres_of(unit: str) -> float | None:

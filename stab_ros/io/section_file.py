@@ -13,7 +13,7 @@ from stab_ros.core.errors import InputError
 from stab_ros.core.text import counted, one_line
 from stab_ros.core.types import FloatArray
 from stab_ros.io.column_qualifiers import qualifier_of
-from stab_ros.io.length_units import LENGTH_PATTERN, LENGTHS, LENGTHS_TEXT, check_units, metres_of
+from stab_ros.io.length_units import FEET, LENGTH_PATTERN, LENGTHS_TEXT, check_units, metres_of
 from stab_ros.io.text_file import read_text
 from stab_ros.io.typed_table import COMMA_ADVICE, Row, cells_of, finite_at, number_in, separator_of
 
@@ -34,7 +34,6 @@ _MEANINGS = {  # header in small letters, without its unit: what the column hold
 _HEIGHTS: tuple[Heights, ...] = ("elevation", "depth", "unknown")
 _UNIT = re.compile(rf"(.*?)[ _]*(?:[\[(] *(.*?) *[\])]|(?<=[ _])({LENGTH_PATTERN}))?", re.DOTALL | re.IGNORECASE)
 _LONGEST = 100  # header, where longer ones have no meaning
-_FEET = {LENGTHS["ft"], LENGTHS["us ft"]}  # in metres
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +159,7 @@ def _said(path: Path, repeated: int) -> tuple[str, ...]:
 
 
 def _remarks(path: Path, columns: list[_Column]) -> tuple[str, ...]:
-    feet = [one_line(column.header) for column in columns if column.metres in _FEET]
+    feet = [one_line(column.header) for column in columns if column.metres in FEET]
     return (f"{path}: {', '.join(feet)} read as feet, and made metres",) if feet else ()
 
 

@@ -72,8 +72,8 @@ def rating_text(rating: Rating | str) -> str:
         rows.append([f"{one.stage_m:.3f}", f"{one.q_m3_s:.4g}", f"{q:.4g}", f"{relative:.1%}",
                      f"{one.q_m3_s / q - 1:+.1%}"])
     return (f"{_table(rows)}\n\nrating curve Q = {rating.a:.4g} (h - {rating.h0_m:.4g})^{rating.b:.4g}; sigma of ln a "
-            f"{sigma[0]:.2g}, of b {sigma[1]:.2g}, of h0 {sigma[2]:.2g} m; gaugings share "
-            f"{rating.shared_sigma:.1%}")
+            f"{sigma[0]:.2g}, of b {sigma[1]:.2g}, of h0 {sigma[2]:.2g} m; gaugings share up to "
+            f"{max(one.shared_sigma for one in rating.gaugings):.1%}")
 
 
 def _percent(part: float, whole: float) -> str:

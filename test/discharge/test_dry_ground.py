@@ -106,6 +106,17 @@ def test_a_bank_that_stands_still_is_none_that_flows(v_m_s: float, sigma_m_s: fl
     assert bool(said(measure(seen, section(), WSE_M, QUICK))) is doubted
 
 
+@pytest.mark.parametrize("columns", [1, 3])
+def test_errors_that_vectors_share_are_no_flow(columns: int) -> None:
+    """Of all vectors, or each of a third of them, as of one interval."""
+    moving = bank(WIDTH_M + 1, 0.3)
+    owner, shared = np.arange(len(moving)) % columns, np.zeros((len(moving), 2, columns))
+    shared[np.arange(len(moving)), :, owner] = 0.3
+    seen = both(replace(vectors(), shared=np.zeros((len(vectors()), 2, columns))), replace(moving, shared=shared))
+    assert said(measure(both(vectors(), moving), section(), WSE_M, QUICK))
+    assert not said(measure(seen, section(), WSE_M, QUICK))
+
+
 def test_some_wild_vectors_on_a_bank_are_no_flow() -> None:
     wild = bank(WIDTH_M + 1, 1.0, 20)
     assert not said(measure(both(vectors(), both(bank(WIDTH_M + 1, 0.0), wild)), section(), WSE_M, QUICK))

@@ -85,6 +85,7 @@ def test_what_does_not_tell_elevation_from_depth(tmp_path: Path, text: str) -> N
     ("X (m),Y,Z\n1,2,3\n", "both or neither"), ("X (ft),Y (m),Z (m)\n1,2,3\n", "in one unit"),
     ("X (ft),Y (ft),Z\n1,2,3\n", r"the column Z must name its unit, as X \(ft\) does"),
     ("station (ft),depth\n1,2\n", "the column depth must name its unit"), ("X (N),Y,Z\n1,2,3\n", "two axes"),
+    ("distance,depth (ft)\n1,2\n", "the column distance must name its unit"),
     ("X,Y,Z,depth\n1,2,3,4\n", "Z and depth are two columns"), ("1,2,3,4\n", "4 columns without a header"),
 ])
 def test_no_sections(tmp_path: Path, text: str, says: str) -> None:

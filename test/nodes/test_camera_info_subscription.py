@@ -38,7 +38,7 @@ def test_one_that_comes_after_images_went_without_is_left_aside_and_told(
     graph: Graph, capfd: pytest.CaptureFixture[str]
 ) -> None:
     changes: list[str] = []
-    subscription = CameraInfoSubscription(graph.node, lambda: changes.append("changed"), needed=False)
+    subscription = CameraInfoSubscription(graph.node, lambda: changes.append("changed"), needed=lambda: False)
     for _ in range(49):
         subscription.refresh(images_wait=True)
     assert not subscription.given_up
