@@ -67,8 +67,8 @@ class GeoreferencedStream:
         self.poses: list[Any] = graph.listen(PoseWithCovarianceStamped, f"{NODE}/pose")
         self.reports: list[Any] = graph.listen(DiagnosticArray, "/diagnostics")
         self.images: list[Any] = graph.listen(Image, "/cam/image_ortho") if image else []
-        self.node: NodeProcess = graph.start("georeference_node", "/cam", queue_depth=0, wait_for_subscribers=1,
-                                             **settings)
+        self.node: NodeProcess = graph.start("georeference_node", "/cam", queue_depth=0,
+                                             **{"wait_for_subscribers": 1, **settings})
         if info:
             self.info = graph.node.create_publisher(CameraInfo, "/cam/camera_info", LATCHED)
             self.info.publish(camera_info())

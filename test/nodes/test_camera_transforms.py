@@ -58,10 +58,11 @@ def test_transforms_are_those_of_the_poses(graph: Graph, tmp_path: Path, monkeyp
         made = install_messages(tmp_path / "install", "tf2_msgs", TF_PACKAGE, found, ("geometry_msgs",))
         graph.environment = sourced(graph.environment, made)
     output = tmp_path / "tf.mcap"
-    recorder = graph.run("stab-ros", ["record", str(output), "/tf", f"{NODE}/pose"], ("-m", "stab_ros"))
-    stream = GeoreferencedStream(graph, {**MOVING, "publish_tf": True}, image=False)
-    graph.until(lambda: graph.node.count_subscribers("/tf") and graph.node.count_subscribers(f"{NODE}/pose") > 1,
-                "the recorder")
+    topics = ["/tf", f"{NODE}/pose", "/cam/ortho_info"]
+    recorder = graph.run("stab-ros", ["record", str(output), *topics], ("-m", "stab_ros"))
+    settings = {**MOVING, "publish_tf": True, "wait_for_subscribers": 2}  # of ortho_info: this one and the recorder
+    stream = GeoreferencedStream(graph, settings, image=False)
+    stream.until_reported(topics=len(topics))
     for number in range(6):
         message = image_message(shot(number).image, shot(number).stamp_ns)
         message.header.frame_id = "" if number in (2, 3) else "cam"
