@@ -276,7 +276,8 @@ def _said(source: Source, work: VelocityWork, result: Velocities) -> list[str]:
     if not (work.bank_known or work.area_given):
         said.append(f"{source.name}: no static map tells ground from water, so velocities are measured everywhere, on "
                     "the bank, too; roi, exclude or static_map must say where the water is")
-    bed = bed_doubt(result.dropped, len(result.vectors), result.doubtful)
+    usual = {kind for kind, (_, count) in result.doubtful.items() if 2 * count > result.intervals}
+    bed = bed_doubt(result.dropped, len(result.vectors), usual)
     if bed:
         said.append(f"{source.name}: {bed}")
     bank = result.bank

@@ -24,6 +24,7 @@ from stab_ros.velocimetry.correlation_blocks import as_spline, block_correlation
 _LAGS = np.arange(-1, 2)
 _LEAST = 16  # windows that a thread takes
 _CHUNK = 32  # windows transformed at once, which stay in the cache
+_MOST_LAGS = 8_000_000  # whose correlations are kept at once
 _PEAK_RADIUS_PX = 5  # within it no other peak is sought
 _CONTRAST_FLOOR = 1.0  # grey levels, of the band-passed picture: below it contrast is noise
 
@@ -75,7 +76,11 @@ def searched(pictures: Sequence[IdArray], pairs: IdArray, centres_px: FloatArray
     Returns:
         (N, 2) px; and (N,) the highest peak over the second one.
     """
-    return _peaks(correlations(pictures, pairs, centres_px, side_px, reach_px))
+    batch = max(_MOST_LAGS // (2 * reach_px + 1) ** 2, 1)
+    starts = range(0, max(len(centres_px), 1), batch)
+    parts = [_peaks(correlations(pictures, pairs, centres_px[k : k + batch], side_px, reach_px)) for k in starts]
+    shift_px, ratio = (np.concatenate(values) for values in zip(*parts, strict=True))
+    return shift_px, ratio
 
 
 def correlations(pictures: Sequence[IdArray], pairs: IdArray, centres_px: FloatArray, side_px: int,

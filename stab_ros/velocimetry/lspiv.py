@@ -165,10 +165,11 @@ class _Pictures(IntervalFrames):
         told = ~bed & ~(may & goes(plain_way_px))  # what goes so far has nothing in common with what was there
         found = [*(one.only(told[one.at]) for one in plain), *(self._over_bed(one.only(bed[one.at])) for one in moving)]
         way_px = self._way_px(found)
-        ground = search.grid.ground(way_px, search.first.lost & np.isnan(way_px), len(self.pictures))
+        sure_px = self._way_px([one.only(one.is_sure()) for one in found])
+        ground = search.grid.ground(np.where(np.isfinite(way_px), np.nan_to_num(sure_px), np.nan), search.first)
         px_m_s = self.windows.plane.grid.resolution_m / search.first_s
         limit_m_s = config.max_speed_m_s or search.first.reach_px * px_m_s
-        self.doubts = doubts_of_windows(search.first, np.isfinite(way_px) & ~ground, px_m_s, limit_m_s, unit)
+        self.doubts = doubts_of_windows(search.first, np.isfinite(way_px), ground, px_m_s, limit_m_s, unit)
         return [one.only(~ground[one.at]) for one in found]
 
     def _search(self, config: LspivConfig, pictures: Sequence[IdArray], usable: BoolArray) -> _Search:
@@ -253,8 +254,7 @@ class _Search:
         self._ensemble = Ensemble(pictures, windows.side_px // BLOCKS)
         self._first_gap, reach_px = self._gap_and_reach_px()
         pairs = self._pairs(self._first_gap, _FEW_PAIRS)
-        search = FirstSearch(pictures, pairs, grid, config.min_peak_ratio)
-        self.first: Shifts = search.within(usable, reach_px) if reach_px else search.widening(usable)
+        self.first = self._first(FirstSearch(pictures, pairs, grid, config.min_peak_ratio), reach_px)
         self.first_s = float(self._dt_s(pairs).mean())
 
     def run(self) -> list[_Found]:
@@ -286,6 +286,15 @@ class _Search:
             gap = min(_LONGER * gap, self._longest_gap)
             clear = clear & (np.hypot(*velocity.T) * gap * self._frame_s <= self._windows.side_px / 2)
         return levels
+
+    def _first(self, search: FirstSearch, reach_px: int) -> Shifts:
+        """By a wide search; beyond a given range it is only asked whether lost windows go there from frame to frame."""
+        if not reach_px:
+            return search.widening(self._usable)
+        found = search.within(self._usable, reach_px)
+        each = FirstSearch(self._pictures, self._pairs(1, _FEW_PAIRS), self.grid, self._config.min_peak_ratio)
+        beyond_px = reach_px / self._first_gap
+        return replace(found, outrun=each.goes(found.lost, beyond_px, max(self._windows.side_px, int(2 * beyond_px))))
 
     def _gap_and_reach_px(self) -> tuple[int, int]:
         """Frames between the pictures of the wide search, and how far it reaches; 0: as far as it needs to."""

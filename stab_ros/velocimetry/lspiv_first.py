@@ -1,9 +1,9 @@
 """Where windows go from picture to picture: the first, wide search of LSPIV, which goes on where windows are lost.
 
 Without a given highest speed it begins with a quarter of a window and goes on to a half and a whole one, for windows
-that have no clear peak or a texture that repeats, where a few of them find theirs so. The windows beside them are
-sought anew, too: their peak may be one by chance, or of ground that they show with the water. Where nearly all that
-moves is lost nevertheless, what stands still beside it is taken for ground.
+that have no clear peak, where a few of them find theirs so, and for those of a texture that repeats. The windows
+beside them are sought anew, too: their peak may be one by chance, or of ground that they show with the water. Where
+nearly all that moves is lost nevertheless, what stands still beside it is taken for ground.
 """
 
 from __future__ import annotations
@@ -44,19 +44,19 @@ class WindowGrid:
         near = cv2.dilate(these.reshape(self.shape).astype(np.uint8), np.ones((side, side), np.uint8))
         return np.asarray(near.ravel() > 0)
 
-    def ground(self, way_px: FloatArray, lost: BoolArray, frames: int) -> BoolArray:
-        """(N,): what stands beside lost windows, (N,), where nearly all that moves was lost.
+    def ground(self, way_px: FloatArray, first: Shifts) -> BoolArray:
+        """(N,): what stands beside lost windows, where nearly all that moves was lost and the water is too fast.
 
-        Where nearly all was lost, what ground and water pull to and fro stands, too.
+        It is where some windows have gone far; or where there are few but the lost ones, which says less.
 
-        way_px: (N,) from the first to the last of the frames of an interval; NaN: unknown.
+        way_px: (N,) in an interval, 0: none for sure; NaN: unknown. first: where the windows go.
         """
+        lost, stands = first.lost & np.isnan(way_px), way_px < _STANDING_WAY_PX  # NaN compares false
         count, known = np.count_nonzero(lost), np.count_nonzero(np.isfinite(way_px))
-        all_but_few = count >= _NEARLY_ALL * (count + known)
-        stands = way_px < (max(_STANDING_WAY_PX, _STANDING_PX * frames) if all_but_few else _STANDING_WAY_PX)
-        moving = known - np.count_nonzero(stands)  # NaN compares false
+        moving = known - np.count_nonzero(stands)
         nearly_all = count and count >= max(_NEARLY_ALL * (count + moving), _MANY * (count + known))
-        return stands & self.beside(lost) if nearly_all else np.zeros(len(lost), bool)
+        fast = first.outrun or count >= _NEARLY_ALL * (count + known)
+        return stands & self.beside(lost) if nearly_all and fast else np.zeros(len(lost), bool)
 
     def stay_in_sight(self, shift_px: FloatArray) -> BoolArray:
         """(N,): which are seen half of their shift, (N, 2), back and forth."""
@@ -81,6 +81,7 @@ class Shifts:
         textured: (N,), windows that were sought and show something.
         period_px: (N,), of texture that repeats; inf: it does not, or it was not looked for.
         reach_px: farthest shift in x and y that was sought, at least by a few windows.
+        outrun: whether some go farther than they were sought first.
     """
 
     shift_px: FloatArray
@@ -88,6 +89,7 @@ class Shifts:
     textured: BoolArray
     period_px: FloatArray
     reach_px: int
+    outrun: bool = False
 
     @property
     def lost(self) -> BoolArray:
@@ -129,15 +131,27 @@ class FirstSearch:
         side = self._windows.side_px
         found = self._sought(usable, side // 4)
         period_px = self._periods_px(usable)
-        repeats = np.isfinite(period_px)
+        repeats = found.textured & np.isfinite(period_px)
         for reach_px in (side // 2, side):
-            again = found.textured & (~found.clear | repeats)
-            if not (2 * repeats.sum() > again.sum() or self._is_worth(again, reach_px)):
-                continue
-            again |= found.clear & self._windows.beside(again)  # by chance, or on the ground beside
-            found = found.merged(self._sought(again, reach_px), again)
+            lost = found.lost & ~repeats
+            again = (repeats | lost) if self.goes(lost, 0, reach_px) else repeats
+            again = again | (found.clear & self._windows.beside(again))  # by chance, or on the ground beside
+            if again.any():
+                found = found.merged(self._sought(again, reach_px), again)
         found = found.unambiguous(period_px)
-        return replace(found, reach_px=side) if again.any() else found
+        outrun = bool((np.abs(found.shift_px[found.clear]) > side // 4).any())
+        return replace(found, reach_px=side if (found.lost | repeats).any() else found.reach_px, outrun=outrun)
+
+    def goes(self, these: BoolArray, least_px: float, reach_px: int) -> bool:
+        """Whether a few of these windows, (N,), find a clear peak within reach_px, at least_px or farther."""
+        at = np.flatnonzero(these)
+        probed = np.zeros(len(these), bool)
+        probed[at[:: len(at) // _PROBED + 1]] = True
+        if not len(at):
+            return False
+        found = self._sought(probed, reach_px)
+        far = np.abs(found.shift_px).max(axis=1) >= least_px
+        return bool((found.clear & far)[probed].mean() >= _LEAST_FOUND)
 
     def _sought(self, these: BoolArray, reach_px: int) -> Shifts:
         windows, at = self._windows, np.flatnonzero(these)
@@ -147,13 +161,6 @@ class FirstSearch:
         clear[at] = (ratio >= self._min_ratio) & (np.abs(shift).max(axis=1, initial=0) < reach_px)
         clear &= windows.stay_in_sight(shift_px)
         return Shifts(shift_px, clear, these & self._textured(), np.full(len(these), np.inf), reach_px)
-
-    def _is_worth(self, these: BoolArray, reach_px: int) -> bool:
-        """Whether a few of these windows, (N,), find a clear peak."""
-        at = np.flatnonzero(these)
-        probed = np.zeros(len(these), bool)
-        probed[at[:: len(at) // _PROBED + 1]] = True
-        return bool(len(at)) and self._sought(probed, reach_px).clear[probed].mean() >= _LEAST_FOUND
 
     def _periods_px(self, these: BoolArray) -> FloatArray:
         period_px = np.full(len(these), np.inf)

@@ -15,8 +15,10 @@ from stab_ros.velocimetry.correlation_ensemble import correlations, prepared
 _LEAST_ALIKE = 0.5  # correlation of a window with itself, one repetition on; of random texture 0.35 or less
 _NEAR_PX = 5  # within it lies the peak at no shift
 _HILL_PX = 3  # radius in which a peak is the highest
+_VALLEY = 0.5  # of a repetition lies half way to it, at most; along an edge all shifts look alike
 _SIDE_PX = 48  # of the windows around features
-_ENOUGH, _FEWEST = 64, 8  # features that are looked at
+_ABOUT_PX = 64  # half side of what is made ready around a feature
+_ENOUGH, _FEWEST = 32, 8  # features that are looked at
 _MOST = 0.5  # share of them that repeat
 
 
@@ -32,10 +34,15 @@ def periods_px(picture: IdArray, centres_px: FloatArray, side_px: int) -> FloatA
     planes = correlations([picture], np.zeros((1, 2), np.int64), centres_px, side_px, reach)
     hill = np.ones((2 * _HILL_PX + 1, 2 * _HILL_PX + 1), np.uint8)
     y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    half = reach + y // 2, reach + x // 2
     far_px = np.hypot(x, y)
     far_px[(far_px <= _NEAR_PX) | (np.maximum(abs(x), abs(y)) > reach - _HILL_PX)] = np.inf
-    return np.array([np.where((plane >= _LEAST_ALIKE) & (plane >= cv2.dilate(plane, hill)), far_px, np.inf).min()
-                     for plane in planes])
+
+    def nearest_px(plane: FloatArray) -> float:
+        peak = (plane >= _LEAST_ALIKE) & (plane >= cv2.dilate(plane, hill)) & (plane[half] < _VALLEY * plane)
+        return float(np.where(peak, far_px, np.inf).min())
+
+    return np.array([nearest_px(plane) for plane in planes])
 
 
 def usual_period_px(gray: Gray, features_px: FloatArray) -> float:
@@ -44,6 +51,14 @@ def usual_period_px(gray: Gray, features_px: FloatArray) -> float:
     seen = features_px[inside]
     if len(seen) < _FEWEST:
         return np.inf
-    period_px = periods_px(prepared(gray, _SIDE_PX), seen[:: len(seen) // _ENOUGH + 1], _SIDE_PX)
+    period_px = np.array([_period_px(gray, feature) for feature in seen[:: len(seen) // _ENOUGH + 1]])
     known = np.isfinite(period_px)
     return float(np.median(period_px[known])) if known.mean() > _MOST else np.inf
+
+
+def _period_px(gray: Gray, feature_px: FloatArray) -> float:
+    """That of the texture around one; only what lies about it is made ready, as pictures are large."""
+    first = np.maximum(np.round(feature_px).astype(np.int64) - _ABOUT_PX, 0)
+    x, y = first.tolist()
+    about = gray[y : y + 2 * _ABOUT_PX, x : x + 2 * _ABOUT_PX]
+    return float(periods_px(prepared(about, _SIDE_PX), (feature_px - first)[None], _SIDE_PX)[0])

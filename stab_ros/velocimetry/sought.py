@@ -28,25 +28,30 @@ def lost_doubt(lost: int, sought: int, what: str, or_else: str, limit: str) -> s
     return f"{lost} of {sought} {what} up to {limit}; the water may be faster, or {or_else}"
 
 
-def doubts_of_windows(shifts: Shifts, found: BoolArray, px_m_s: float, limit_m_s: float, unit: Unit
-                      ) -> Mapping[str, str]:
+def doubts_of_windows(shifts: Shifts, found: BoolArray, ground: BoolArray, px_m_s: float, limit_m_s: float,
+                      unit: Unit) -> Mapping[str, str]:
     """What is doubtful of a search, by kind.
 
     Args:
         shifts: of the search.
-        found: (N,), windows that have a vector after all.
+        found: (N,), windows that have a velocity after all.
+        ground: (N,), those of them that were taken for ground.
         px_m_s: speed of a shift of a pixel.
         limit_m_s: up to which speed they were sought.
         unit: of lengths.
     """
     lost = shifts.textured & ~found
-    count, sought = (int(np.count_nonzero(these)) for these in (lost, shifts.textured | found))
     repeats = lost & np.isfinite(shifts.period_px)
-    if np.count_nonzero(repeats) > _MANY * sought:
+    count, sought, alike, still = (int(np.count_nonzero(these)) for these in
+                                   (lost, shifts.textured | found, repeats, ground))
+    if alike > _MANY * sought:
         alike_m_s = float(np.median(shifts.period_px[repeats])) * px_m_s
-        return {"repeats": f"{count} of {sought} windows have a texture that repeats, and no vector: speeds that "
+        return {"repeats": f"{alike} of {sought} windows have a texture that repeats, and no vector: speeds that "
                            f"differ by {alike_m_s:.3g} {unit}/s look alike; lspiv.max_speed_m_s, little above the "
                            "fastest water, may tell them apart"}
-    doubt = lost_doubt(count, sought, "windows with texture have no clear peak", "its texture does not last",
-                       f"{limit_m_s:.3g} {unit}/s (lspiv.max_speed_m_s)")
+    limit = f"{limit_m_s:.3g} {unit}/s (lspiv.max_speed_m_s)"
+    if still:
+        return {"lost": f"{count} of {sought} windows with texture have no clear peak up to {limit}, and {still} that "
+                        "stand still beside them are left out as ground; the water may be faster"}
+    doubt = lost_doubt(count, sought, "windows with texture have no clear peak", "its texture does not last", limit)
     return {"lost": doubt} if doubt else {}

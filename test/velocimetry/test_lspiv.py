@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from moving_texture_lspiv import MovingTexture, shear, uniform
+from moving_texture_lspiv import MovingTexture, shear, texture, uniform
 
 from stab_ros.core.errors import ConfigError, InputError
 from stab_ros.core.types import FloatArray
@@ -115,7 +118,23 @@ def test_where_all_water_is_too_fast_no_bank_is_taken_for_it_and_the_limit_is_to
     method = Lspiv(LspivConfig(interval_s=1.0, max_speed_m_s=1.0), water=[WATER])
     found = [len(v) for v in map(method.add, bank_and_water(8.0).frames(11)) if v is not None]
     assert found == [0]
-    assert "up to 1 m/s (lspiv.max_speed_m_s)" in method.doubts["lost"]
+    assert re.search(r"16 of 32 .* up to 1 m/s \(lspiv.max_speed_m_s\), and 16 that stand still", method.doubts["lost"])
+
+
+@pytest.mark.parametrize(("speed_m_s", "glitter"), [(0.03, 0.5), (0.05, 0.6), (0.2, 0.8)])
+def test_slow_water_beside_glitter_that_does_not_last_is_not_taken_for_ground(speed_m_s: float, glitter: float) -> None:
+    """Most windows have no peak there, but none goes far."""
+    size = (448, 192)
+    rng, first = np.random.default_rng(3), round(size[0] * (1 - glitter))
+    method = Lspiv(LspivConfig(interval_s=1.0))
+    for frame in MovingTexture(uniform(speed_m_s), size, fps=25.0, seed=5, noise=2.0).frames(26):
+        gray = frame.gray.copy()
+        gray[:, first:] = np.clip(128 + 15 * texture(rng)[: size[1], : size[0] - first], 0, 255)
+        vectors = method.add(replace(frame, gray=gray))
+    assert vectors is not None
+    clear = vectors.position_m[:, 0] < first * 0.02 - 0.64
+    assert np.count_nonzero(clear) >= 4
+    assert np.abs(vectors.velocity_m_s[clear] - [speed_m_s, 0]).max() < 0.02
 
 
 def test_nothing_is_measured_where_there_is_nothing_but_noise() -> None:

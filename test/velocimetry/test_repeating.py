@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import cv2
 import numpy as np
 import pytest
 from moving_texture_lspiv import MovingTexture, ripples, texture, uniform
@@ -33,6 +34,14 @@ def test_waves_have_the_period_of_their_length(wave_px: float) -> None:
 @pytest.mark.parametrize("smooth_px", [0.7, 1.5, 3.0, 6.0])
 def test_random_texture_does_not_repeat(smooth_px: float) -> None:
     assert np.isinf(usual_period_px(seen(texture(np.random.default_rng(2), smooth_px)), FEATURES_PX))
+
+
+def test_edges_do_not_repeat() -> None:
+    """Each shift along one looks alike."""
+    gray = np.full((256, 256), 90, np.uint8)
+    for x in range(0, 256, 60):
+        cv2.line(gray, (x, 0), (x + 90, 256), 200, 6)
+    assert np.isinf(usual_period_px(gray, FEATURES_PX))
 
 
 @pytest.mark.parametrize("limit_m_s", [0.0, 3.0])
