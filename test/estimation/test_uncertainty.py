@@ -27,6 +27,7 @@ def flights() -> list[Flight]:
             for name, noise, seed in (("kolubara", 2.0, 11), ("alpine", 2.0, 12), ("kolubara", 5.0, 14))]
 
 
+@pytest.mark.thorough
 def test_errors_are_as_large_as_sigma_says(flights: list[Flight]) -> None:
     flown = [fly(make_stabilizer({}), flight) for flight in flights]
     ratio = np.concatenate([one.error_px[1:] / one.sigma_px[1:] for one in flown])

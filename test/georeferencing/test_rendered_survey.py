@@ -29,6 +29,7 @@ def test_a_calibrated_camera_places_the_water_from_46_m() -> None:
     assert survey.errors_m(by_focal.view).max() < 0.2 * WITHIN_M
 
 
+@pytest.mark.thorough
 def test_what_one_coefficient_leaves_of_a_lens_shows_where_no_point_is() -> None:
     """Exact pixels: the error is that of the camera's model, at the border of the picture."""
     survey = lensed()

@@ -214,6 +214,7 @@ def control_points() -> tuple[list[str], FloatArray, FloatArray]:
     return [f"p{number}" for number in range(8)], places, np.asarray(view.project(places))
 
 
+@pytest.mark.thorough
 def test_one_bag_gives_the_same_live_and_from_the_command(
     graph: Graph, flight: list[Shot], command: Command, tmp_path: Path
 ) -> None:

@@ -281,6 +281,7 @@ def fly(graph: Graph, namespace: str, flight: list[Shot]) -> None:
     graph.until(lambda: len(heard) == len(flight), "all answers")
 
 
+@pytest.mark.thorough
 def test_two_trackers_are_recorded_into_one_file(graph: Graph, flight: list[Shot], tmp_path: Path) -> None:
     """All topics, of which the second camera's appear once the first camera is through."""
     output = tmp_path / "out.mcap"

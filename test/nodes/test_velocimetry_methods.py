@@ -73,6 +73,7 @@ def test_all_outputs_tell_of_the_river(river: Path, command: Command, tmp_path: 
         assert {"/cam/velocity", "/cam/velocity_grid", f"{NODE}/markers"} <= set(bag.topics)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", METHODS)
 def test_live_gives_what_the_command_gives(
     graph: Graph, river: Path, command: Command, tmp_path: Path, method: str

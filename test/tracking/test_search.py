@@ -85,6 +85,7 @@ def test_gusts_over_fine_gravel_lose_nothing(start_s: float) -> None:
     assert max(errors_px) < 0.15
 
 
+@pytest.mark.thorough
 def test_a_long_gap_over_fine_gravel_is_bridged() -> None:
     """Half of the reference is out of view, and the frame before it was a second ago."""
     stabilizer, far = make_stabilizer({"start_s": 0.0}), similarity(8.0, 1.05, 190.0, -40.0)
