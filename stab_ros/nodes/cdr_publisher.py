@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from functools import partial
 from typing import Any
 
@@ -13,10 +12,9 @@ from stab_ros.nodes.managed_node import StabNode
 from stab_ros.nodes.own_participant import OwnParticipant
 from stab_ros.nodes.qos import publisher_events
 from stab_ros.nodes.qos_overrides import declare_overrides, overridden
-from stab_ros.nodes.unlocked_publish import publish_unlocked
+from stab_ros.nodes.unlocked_calls import acknowledged_unlocked, publish_unlocked
 
 _STEP = Duration(nanoseconds=100_000_000)
-_LOOK_S = 0.01
 _PATIENCE = 300  # steps without an acknowledgement: DDS itself drops a process that was killed or stopped after 20 s
 
 
@@ -73,12 +71,11 @@ class CdrPublisher:
     def wait_until_taken(self, timeout_s: float) -> None:
         """Waits until every RELIABLE subscriber has acknowledged every message, no longer than that.
 
-        It asks again and again, as rclpy keeps the interpreter's lock while it waits.
+        For a thread of its own: other threads go on.
         """
-        for _ in range(round(timeout_s / _LOOK_S)):
-            if self._publisher.wait_for_all_acked(Duration()) or self._node.stop.requested:
+        for _ in range(round(timeout_s * 1e9 / _STEP.nanoseconds)):
+            if acknowledged_unlocked(self._publisher, _STEP.nanoseconds) or self._node.stop.requested:
                 return
-            time.sleep(_LOOK_S)
 
     def flush(self) -> None:
         """Waits until every RELIABLE subscriber has acknowledged every message, or hangs."""
